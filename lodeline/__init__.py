@@ -1,0 +1,1 @@
+"""Lodeline: real-time localisation for wheeled robots as a dataflow pipeline."""

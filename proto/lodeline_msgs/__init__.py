@@ -1,0 +1,48 @@
+"""The messages of Lodeline: one definition each, and everything that follows from it."""
+
+from lodeline_msgs.codec import (
+    ENCODING,
+    DecodeError,
+    class_of,
+    encoding_of,
+    pack,
+    unpack,
+    unpack_map,
+)
+from lodeline_msgs.control import Twist
+from lodeline_msgs.definition import MESSAGES, FieldSpec, Message, Unit, field_specs, message
+from lodeline_msgs.estimates import AttitudeEstimate, Odometry, PoseEstimate
+from lodeline_msgs.schema import columns, json_schema, row, stamp_text, unit_table
+from lodeline_msgs.sensors import Imu, MagnetDetection, MagneticField, ReedBar, WheelTicks
+from lodeline_msgs.status import NodeStatus
+
+__all__ = [
+    "ENCODING",
+    "MESSAGES",
+    "AttitudeEstimate",
+    "DecodeError",
+    "FieldSpec",
+    "Imu",
+    "MagnetDetection",
+    "MagneticField",
+    "Message",
+    "NodeStatus",
+    "Odometry",
+    "PoseEstimate",
+    "ReedBar",
+    "Twist",
+    "Unit",
+    "WheelTicks",
+    "class_of",
+    "columns",
+    "encoding_of",
+    "field_specs",
+    "json_schema",
+    "message",
+    "pack",
+    "row",
+    "stamp_text",
+    "unit_table",
+    "unpack",
+    "unpack_map",
+]

@@ -1,0 +1,83 @@
+"""What a message is: a frozen dataclass whose fields carry their units; the list of all.
+
+Everything else about a message (its bytes, the check on arrival, its JSON schema, the table
+in proto/README.md) is derived from this one definition.
+"""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, dataclass, field, fields
+from typing import (
+    Annotated,
+    Any,
+    TypeVar,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """Unit of a field, what the field means, and the names of its parts if it is an array."""
+
+    unit: str
+    meaning: str = ""
+    parts: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What every sample says first: when it was measured, and its number on its key."""
+
+    stamp: Annotated[int, Unit("ns", "when it was measured: UNIX epoch on the robot's clock")]
+    seq: Annotated[int, Unit("1", "number of this sample on its key")] = field(
+        default=0, kw_only=True
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class FieldSpec:
+    """One field of a message, as read from its annotation.
+
+    `kind` is the bare Python type, `length` the fixed number of parts of an array (None for a
+    scalar and for an array of open length), `required` whether the wire must carry it.
+    """
+
+    name: str
+    kind: Any
+    unit: Unit
+    length: int | None
+    required: bool
+
+
+MESSAGES: dict[str, type[Message]] = {}
+"""Every message class by name; the name is its version."""
+
+M = TypeVar("M", bound=Message)
+
+
+@dataclass_transform(frozen_default=True)
+def message(cls: type[M]) -> type[M]:
+    """Make `cls` a message: frozen, slotted, and listed in MESSAGES."""
+    made: type[M] = dataclass(frozen=True, slots=True)(cls)
+    field_specs(made)
+    MESSAGES[made.__name__] = made
+    return made
+
+
+def field_specs(cls: type[Message]) -> tuple[FieldSpec, ...]:
+    """Fields of a message class in wire order; TypeError where one carries no unit."""
+    hints = get_type_hints(cls, include_extras=True)
+    specs = []
+    for item in fields(cls):
+        kind, *notes = get_args(hints[item.name]) or (None,)
+        units = [note for note in notes if isinstance(note, Unit)]
+        if not units:
+            raise TypeError(f"{cls.__name__}.{item.name} carries no unit")
+        parts = get_args(kind) if get_origin(kind) is tuple else ()
+        length = len(parts) if parts and parts[-1] is not Ellipsis else None
+        required = item.default is MISSING and item.default_factory is MISSING
+        specs.append(FieldSpec(item.name, kind, units[-1], length, required))
+    return tuple(specs)

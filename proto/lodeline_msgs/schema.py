@@ -1,0 +1,96 @@
+"""What other programs want to know of a message: its JSON schema, its columns, its unit table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from lodeline_msgs.definition import MESSAGES, FieldSpec, Message, field_specs
+
+_SCALARS: dict[Any, str] = {int: "integer", float: "number", bool: "boolean", str: "string"}
+
+
+def json_schema(cls: type[Message]) -> dict[str, Any]:
+    """JSON schema of the map on the wire (MCAP files carry it, PlotJuggler asks for it)."""
+    specs = field_specs(cls)
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": cls.__name__,
+        "description": (cls.__doc__ or "").strip().splitlines()[0],
+        "type": "object",
+        "properties": {spec.name: _field_schema(spec) for spec in specs},
+        "required": [spec.name for spec in specs if spec.required],
+    }
+
+
+def _field_schema(spec: FieldSpec) -> dict[str, Any]:
+    note = f"{spec.unit.meaning} [{spec.unit.unit}]" if spec.unit.unit else spec.unit.meaning
+    schema: dict[str, Any] = {"description": note}
+    if spec.kind in _SCALARS:
+        return {"type": _SCALARS[spec.kind], **schema}
+    if spec.kind == dict[str, float] or spec.kind == dict[str, int]:
+        part = "number" if spec.kind == dict[str, float] else "integer"
+        return {"type": "object", "additionalProperties": {"type": part}, **schema}
+    schema = {"type": "array", "items": {"type": "number"}, **schema}
+    if spec.length is not None:
+        schema |= {"minItems": spec.length, "maxItems": spec.length}
+    return schema
+
+
+def columns(cls: type[Message]) -> list[str]:
+    """Column names of a table of such messages: stamp, the fields (arrays by part), seq last."""
+    names = ["stamp"]
+    for spec in field_specs(cls):
+        if spec.name in ("stamp", "seq"):
+            continue
+        if spec.length is None:
+            names.append(spec.name)
+        else:
+            names += [f"{spec.name}_{part}" for part in spec.unit.parts]
+    return [*names, "seq"]
+
+
+def row(message: Message) -> list[str]:
+    """Cells of a message in the order of `columns`; stamp in seconds, floats to the last bit."""
+    cells = [stamp_text(message.stamp)]
+    for spec in field_specs(type(message)):
+        if spec.name in ("stamp", "seq"):
+            continue
+        value = getattr(message, spec.name)
+        if spec.length is not None:
+            cells += [repr(part) for part in value]
+        elif isinstance(value, bool):
+            cells.append(str(int(value)))
+        elif isinstance(value, tuple):
+            cells.append(" ".join(repr(part) for part in value))
+        elif isinstance(value, dict):
+            cells.append(" ".join(f"{key}={part}" for key, part in value.items()))
+        else:
+            cells.append(repr(value) if isinstance(value, float) else str(value))
+    return [*cells, str(message.seq)]
+
+
+def stamp_text(stamp: int) -> str:
+    """A stamp in ns as seconds with all nine decimals."""
+    sign, stamp = ("-", -stamp) if stamp < 0 else ("", stamp)
+    return f"{sign}{stamp // 1_000_000_000}.{stamp % 1_000_000_000:09d}"
+
+
+def unit_table() -> Iterator[str]:
+    """Markdown lines of the table of all messages in proto/README.md."""
+    yield "| message | field | type | unit | meaning |"
+    yield "|---|---|---|---|---|"
+    for name, cls in MESSAGES.items():
+        for spec in field_specs(cls):
+            yield (
+                f"| {name} | `{spec.name}` | {_type_text(spec)} "
+                f"| {spec.unit.unit or '-'} | {spec.unit.meaning} |"
+            )
+
+
+def _type_text(spec: FieldSpec) -> str:
+    if spec.kind in _SCALARS:
+        return spec.kind.__name__  # type: ignore[no-any-return]
+    if spec.kind == dict[str, float] or spec.kind == dict[str, int]:
+        return "map of text to number"
+    return f"array of {spec.length} floats" if spec.length else "array of floats"
