@@ -1,0 +1,115 @@
+"""What the supervisor tells a process that it starts: which nodes it is, and where its wires go.
+
+Passed as JSON in the environment variable LODELINE_LAUNCH, so that a node process needs to
+read neither the pipeline file nor YAML.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from lodeline.pipeline.model import Edge, NodeSpec, Pipeline
+
+VARIABLE = "LODELINE_LAUNCH"
+
+
+@dataclass(frozen=True, slots=True)
+class NodeLaunch:
+    """One node of a process; `awaited` are its output ports with a consumer on this host."""
+
+    name: str
+    run: str
+    params: dict[str, Any]
+    inputs: dict[str, Edge]
+    outputs: dict[str, str]
+    awaited: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Launch:
+    """One process: where it runs, whose it is, what it runs.
+
+    `epoch_offset` [ns] turns this host's monotonic clock into stamps; `restarts` counts the
+    predecessors of this process in this run of the pipeline.
+    """
+
+    pipeline: str
+    digest: str
+    host: str
+    process: str
+    run_folder: str
+    epoch_offset: int
+    clock: str
+    restarts: int
+    nodes: tuple[NodeLaunch, ...]
+
+    def to_json(self) -> str:
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> Launch:
+        """ValueError, KeyError or TypeError if the text is no launch of this version."""
+        values = json.loads(text)
+        values["nodes"] = tuple(
+            NodeLaunch(
+                **{
+                    **node,
+                    "inputs": {port: Edge(**edge) for port, edge in node["inputs"].items()},
+                    "awaited": tuple(node["awaited"]),
+                }
+            )
+            for node in values["nodes"]
+        )
+        return cls(**values)
+
+
+def launch_of(
+    pipeline: Pipeline,
+    host: str,
+    process: str,
+    run_folder: Path,
+    epoch_offset: int,
+    restarts: int = 0,
+) -> Launch:
+    """The launch of one process of a pipeline on a host."""
+    specs = pipeline.processes(host)[process]
+    return Launch(
+        pipeline=pipeline.name,
+        digest=pipeline.digest,
+        host=host,
+        process=process,
+        run_folder=str(run_folder),
+        epoch_offset=epoch_offset,
+        clock=pipeline.clock,
+        restarts=restarts,
+        nodes=tuple(_node_launch(pipeline, spec) for spec in specs),
+    )
+
+
+def _node_launch(pipeline: Pipeline, spec: NodeSpec) -> NodeLaunch:
+    # Keys that another process of this host reads: its source waits until they are linked.
+    wanted = {
+        edge.key
+        for other in pipeline.nodes
+        if other.host == spec.host and other.process != spec.process
+        for edge in other.inputs.values()
+    }
+    awaited = tuple(port for port, key in spec.outputs.items() if key in wanted)
+    return NodeLaunch(
+        name=spec.name,
+        run=str(spec.run),
+        params=plain(spec.params),
+        inputs=spec.inputs,
+        outputs=spec.outputs,
+        awaited=awaited,
+    )
+
+
+def plain(params: Any) -> dict[str, Any]:
+    """A dataclass of parameters as the values that a file would hold."""
+    if not is_dataclass(params):
+        raise TypeError(f"{type(params).__name__} is no dataclass")
+    return {item.name: getattr(params, item.name) for item in fields(params)}

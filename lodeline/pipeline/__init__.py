@@ -1,0 +1,1 @@
+"""The pipeline file: its model, how it is read, and everything that can be wrong in it."""

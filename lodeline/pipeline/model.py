@@ -1,0 +1,101 @@
+"""A pipeline as it was read and found good: hosts, nodes, edges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from lodeline.node import Driver, Node
+from lodeline_msgs import Message
+
+Restart = Literal["always", "limited", "never"]
+Clock = Literal["host", "recording"]
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """An input port's line to a key: how many samples may wait, and how old they may be [s]."""
+
+    key: str
+    queue: int
+    max_age: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Host:
+    """A machine: the address it listens on for the others, or the one it connects to."""
+
+    name: str
+    listen: str | None = None
+    connect: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class NodeSpec:
+    """One node of a pipeline.
+
+    `process` is the name of the process it shares with others, its own name if it is alone;
+    `rates` the expected rate [Hz] of an output port; `restart` what happens when it dies: for
+    ever `always`, `limited` to 5 times a minute, or `never`; `required` stops all when it failed.
+    """
+
+    name: str
+    run: Path
+    host: str
+    process: str
+    type: type[Node[Any]]
+    params: Any
+    inputs: dict[str, Edge]
+    outputs: dict[str, str]
+    rates: dict[str, float]
+    restart: Restart
+    required: bool
+    priority: int | None
+    cpu: int | None
+
+    @property
+    def is_driver(self) -> bool:
+        """Whether it ticks by the clock: a source of samples."""
+        return issubclass(self.type, Driver)
+
+
+@dataclass(frozen=True, slots=True)
+class Pipeline:
+    """A whole pipeline; `nodes` stand in the order in which data flow.
+
+    `name` is the first part of every key, `digest` a hash of all that decides what it computes,
+    `external` the keys that come from outside the file, `clock` what ages are measured by: the
+    host's time, or the newest stamp seen when the samples come from a recording.
+    """
+
+    name: str
+    file: Path
+    digest: str
+    clock: Clock
+    hosts: dict[str, Host]
+    nodes: tuple[NodeSpec, ...]
+    external: dict[str, type[Message]]
+
+    def node(self, name: str) -> NodeSpec:
+        """The node of that name; KeyError if there is none."""
+        for spec in self.nodes:
+            if spec.name == name:
+                return spec
+        raise KeyError(name)
+
+    def key_types(self) -> dict[str, type[Message]]:
+        """Message class of every key, external ones first, then in the order of data flow."""
+        types = dict(self.external)
+        for spec in self.nodes:
+            ports = spec.type.outputs()
+            types |= {key: ports[port].message for port, key in spec.outputs.items()}
+        return types
+
+    def processes(self, host: str) -> dict[str, list[NodeSpec]]:
+        """Nodes of a host by the process they share."""
+        found: dict[str, list[NodeSpec]] = {}
+        for spec in self.nodes:
+            if spec.host == host:
+                found.setdefault(spec.process, []).append(spec)
+        return found
