@@ -1,0 +1,6 @@
+"""EKF localisation over a lattice of magnets: odometry predicts, a reed bar corrects."""
+
+from lodeline.ekf.belief import Belief
+from lodeline.ekf.localizer import Estimate, Localizer, LocalizerParams, LocalizerState
+
+__all__ = ["Belief", "Estimate", "Localizer", "LocalizerParams", "LocalizerState"]
