@@ -33,7 +33,8 @@ class Launch:
     """One process: where it runs, whose it is, what it runs.
 
     `epoch_offset` [ns] turns this host's monotonic clock into stamps; `restarts` counts the
-    predecessors of this process in this run of the pipeline.
+    predecessors of this process in this run of the pipeline, `neighbours` the other processes
+    of the host, which it must be linked with before sources are let go.
     """
 
     pipeline: str
@@ -44,6 +45,7 @@ class Launch:
     epoch_offset: int
     clock: str
     restarts: int
+    neighbours: int
     nodes: tuple[NodeLaunch, ...]
 
     def to_json(self) -> str:
@@ -75,7 +77,7 @@ def launch_of(
     restarts: int = 0,
 ) -> Launch:
     """The launch of one process of a pipeline on a host."""
-    specs = pipeline.processes(host)[process]
+    processes = pipeline.processes(host)
     return Launch(
         pipeline=pipeline.name,
         digest=pipeline.digest,
@@ -85,7 +87,8 @@ def launch_of(
         epoch_offset=epoch_offset,
         clock=pipeline.clock,
         restarts=restarts,
-        nodes=tuple(_node_launch(pipeline, spec) for spec in specs),
+        neighbours=len(processes) - 1,
+        nodes=tuple(_node_launch(pipeline, spec) for spec in processes[process]),
     )
 
 

@@ -1,0 +1,53 @@
+"""The two clocks that ages are measured by: the host's, and that of a recording."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Time now in ns since the UNIX epoch, and a word with each sample that comes in."""
+
+    def now(self) -> int: ...
+
+    def saw(self, stamp: int) -> None: ...
+
+
+class HostClock:
+    """The monotonic clock plus an offset taken once, so that no step of the host's time bends it.
+
+    `epoch_offset` [ns] is UNIX time less monotonic time when the pipeline was started.
+    """
+
+    def __init__(self, epoch_offset: int) -> None:
+        self._offset = epoch_offset
+
+    def now(self) -> int:
+        return time.monotonic_ns() + self._offset
+
+    def saw(self, stamp: int) -> None:
+        """Time goes its own way."""
+
+
+class RecordingClock:
+    """Time as far as the samples have told it: the newest stamp seen."""
+
+    def __init__(self) -> None:
+        self._newest = 0
+
+    def now(self) -> int:
+        return self._newest
+
+    def saw(self, stamp: int) -> None:
+        self._newest = max(self._newest, stamp)
+
+
+def epoch_offset() -> int:
+    """UNIX time less monotonic time, now [ns]."""
+    return time.time_ns() - time.monotonic_ns()
+
+
+def make_clock(kind: str, offset: int) -> Clock:
+    """The clock of a pipeline: `host` or `recording`."""
+    return RecordingClock() if kind == "recording" else HostClock(offset)

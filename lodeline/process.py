@@ -1,0 +1,215 @@
+"""A node process: one node, or several wired by direct calls, on the bus and under supervision.
+
+`nodes/attitude.py` runs itself with `run(Attitude)`; a process that nodes share is
+`python -m lodeline.process`. Either way the supervisor says in LODELINE_LAUNCH what to be.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import os
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lodeline.bus import Peer, Publisher
+from lodeline.clock import HostClock, make_clock
+from lodeline.graph import Graph
+from lodeline.inlet import Inlet
+from lodeline.keepsake import Keepsake
+from lodeline.launch import VARIABLE, Launch, NodeLaunch
+from lodeline.loading import load_node
+from lodeline.node import Context, Driver, Node
+from lodeline.notify import Notifier
+from lodeline.orders import Orders
+from lodeline.params import build
+from lodeline.status import StatusReporter
+from lodeline.ticker import Ticker
+from lodeline_msgs import Message, encoding_of
+
+EX_USAGE, EX_SOFTWARE, EX_CONFIG = 64, 70, 78
+BEAT_S = 0.2
+STATUS_S = 1.0
+LAYING_S = 5.0
+MAX_FAILURES = 20
+"""A node whose handler raised this often in a row is beyond help: its process ends."""
+
+
+class NodeProcess:
+    """The nodes of one launch, their wires and their threads.
+
+    One lock serves the whole process: no two handlers ever run at once in it.
+    """
+
+    def __init__(self, launch: Launch, types: Mapping[str, type[Node[Any]]]) -> None:
+        self.launch = launch
+        self.lock = threading.RLock()
+        self.clock = make_clock(launch.clock, launch.epoch_offset)
+        self.failed = threading.Event()
+        folder = Path(launch.run_folder)
+        self.nodes = {
+            item.name: _make_node(item, types[item.name], folder) for item in launch.nodes
+        }
+        self.graph = Graph(
+            self.nodes,
+            {item.name: {port: e.key for port, e in item.inputs.items()} for item in launch.nodes},
+            {item.name: item.outputs for item in launch.nodes},
+            self._handler_failed,
+        )
+        self.keepsakes = [Keepsake(node, folder / "state") for node in self.nodes.values()]
+        if launch.restarts:
+            for keepsake in self.keepsakes:
+                keepsake.restore()
+        self.bus = Peer(folder, launch.process)
+        self.publishers: dict[str, Publisher] = {}
+        self.status = StatusReporter(self.launch, self.nodes, self.bus)
+        for item in launch.nodes:
+            self._connect(item)
+        self.tickers = [
+            Ticker(node, HostClock(launch.epoch_offset), self.lock, self._ticking_failed)
+            for node in self.nodes.values()
+            if isinstance(node, Driver)
+        ]
+
+    def _connect(self, item: NodeLaunch) -> None:
+        node = self.nodes[item.name]
+        for port, key in item.outputs.items():
+            message = type(node).outputs()[port].message
+            publisher = self.bus.publisher(key, encoding_of(message))
+            self.publishers[key] = publisher
+            self.graph.tap(key, self.status.outlet(item.name, publisher))
+        for port, edge in item.inputs.items():
+            if edge.key in self.graph.sent:
+                continue  # a neighbour in this process hands it over directly
+            inlet = Inlet(
+                edge.key,
+                type(node).inputs()[port].message,
+                edge.max_age,
+                self.clock,
+                node.context.reject,
+                self.graph.ports[item.name, port],
+            )
+            self.status.watch(item.name, inlet)
+            self.bus.subscribe(edge.key, edge.queue, self._taker(inlet))
+
+    def _taker(self, inlet: Inlet[Any]) -> Any:
+        lock, take = self.lock, inlet.take
+
+        def taker(_key: str, data: bytes, _encoding: str) -> None:
+            with lock:
+                take(data)
+
+        return taker
+
+    def _handler_failed(self, name: str, message: Message, error: Exception) -> None:
+        text = "".join(traceback.format_exception(error)).rstrip()
+        print(f"EXCEPTION {name}: {error!r} at {message}\n{text}", file=sys.stderr, flush=True)
+        if self.graph.failing[name] >= MAX_FAILURES:
+            self._give_up(name, f"{MAX_FAILURES} exceptions in a row")
+
+    def _ticking_failed(self, node: Node[Any], error: BaseException, in_a_row: int) -> None:
+        traceback.print_exception(error, file=sys.stderr)
+        if isinstance(error, SystemExit) or in_a_row >= MAX_FAILURES:
+            self._give_up(node.context.name, str(error), getattr(error, "code", EX_SOFTWARE))
+
+    def _give_up(self, name: str, why: str, code: Any = EX_SOFTWARE) -> None:
+        print(f"GIVING_UP {name}: {why}", file=sys.stderr, flush=True)
+        self.exit_code = code if isinstance(code, int) else EX_SOFTWARE
+        self.failed.set()
+
+    exit_code = 0
+
+    def run(self) -> int:
+        """Serve until told to stop; the exit code."""
+        notifier = Notifier()
+        orders = Orders()
+        notifier.send("READY=1")
+        linked, started = False, time.monotonic()
+        next_status = started + STATUS_S
+        while not (orders.stop or self.failed.is_set()):
+            # While wires are being laid, look often: the whole pipeline waits for the last one.
+            laying = not linked and time.monotonic() - started < LAYING_S
+            orders.wait(0.01 if laying else BEAT_S)
+            if not linked and self._linked():
+                linked = True
+                notifier.send("LINKED=1")
+            if orders.go:
+                orders.go = False
+                for ticker in self.tickers:
+                    ticker.start()
+            if self._beats():
+                notifier.send("WATCHDOG=1")
+            if time.monotonic() >= next_status:
+                next_status += STATUS_S
+                self.status.send(self.clock.now())
+        notifier.send("STOPPING=1")
+        self._close()
+        return self.exit_code
+
+    def _linked(self) -> bool:
+        waited = [item.outputs[port] for item in self.launch.nodes for port in item.awaited]
+        enough = self.bus.peers() >= self.launch.neighbours
+        return enough and all(self.publishers[key].watched for key in waited)
+
+    def _beats(self) -> bool:
+        """Whether the work goes on: the lock is not held for long, and drivers tick."""
+        if not self.lock.acquire(timeout=BEAT_S):
+            return False
+        try:
+            for keepsake in self.keepsakes:
+                keepsake.store()
+        finally:
+            self.lock.release()
+        return self.bus.alive() and all(ticker.alive() for ticker in self.tickers)
+
+    def _close(self) -> None:
+        for ticker in self.tickers:
+            ticker.stop()
+        if self.lock.acquire(timeout=BEAT_S):
+            with contextlib.suppress(Exception):
+                self.graph.close()
+            self.lock.release()
+        self.bus.close()
+
+
+def _make_node(item: NodeLaunch, kind: type[Node[Any]], folder: Path) -> Node[Any]:
+    params, problems = build(kind.params_type(), item.params)
+    if problems:
+        print(f"CONFIG {item.name}: {problems[0].text}", file=sys.stderr, flush=True)
+        sys.exit(EX_CONFIG)
+    return kind(params, Context(name=item.name, run_folder=folder))
+
+
+def main(types: Mapping[str, type[Node[Any]]] | None = None) -> None:
+    """Be the process that LODELINE_LAUNCH describes, and exit."""
+    text = os.environ.get(VARIABLE)
+    if text is None:
+        print("this is a node: it runs in a pipeline, see `lodeline up --help`", file=sys.stderr)
+        sys.exit(EX_USAGE)
+    launch = Launch.from_json(text)
+    sys.setswitchinterval(1e-4)  # a waiting thread gets the interpreter soon
+    process = NodeProcess(
+        launch, types or {item.name: load_node(Path(item.run)) for item in launch.nodes}
+    )
+    gc.collect()
+    gc.freeze()
+    code = process.run()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)  # zenoh's threads must not hold the exit
+
+
+def run(kind: type[Node[Any]]) -> None:
+    """Run a node program: `if __name__ == "__main__": run(Attitude)`."""
+    text = os.environ.get(VARIABLE)
+    names = [item.name for item in Launch.from_json(text).nodes] if text else []
+    main(dict.fromkeys(names, kind))
+
+
+if __name__ == "__main__":
+    main()
