@@ -7,7 +7,7 @@ read neither the pipeline file nor YAML.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -104,15 +104,8 @@ def _node_launch(pipeline: Pipeline, spec: NodeSpec) -> NodeLaunch:
     return NodeLaunch(
         name=spec.name,
         run=str(spec.run),
-        params=plain(spec.params),
+        params=asdict(spec.params),
         inputs=spec.inputs,
         outputs=spec.outputs,
         awaited=awaited,
     )
-
-
-def plain(params: Any) -> dict[str, Any]:
-    """A dataclass of parameters as the values that a file would hold."""
-    if not is_dataclass(params):
-        raise TypeError(f"{type(params).__name__} is no dataclass")
-    return {item.name: getattr(params, item.name) for item in fields(params)}

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, dataclass, fields
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from math import isfinite
 from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 T = TypeVar("T")
+
+_SCALARS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +61,9 @@ def convert(
         options = get_args(hint)
         if value is None and type(None) in options:
             return None
-        (hint, *_) = [option for option in options if option is not type(None)]
-        return convert(value, hint, name, path, problems)
+        return _union(value, [option for option in options if option is not type(None)], wrong)
+    if is_dataclass(hint):
+        return _nested(value, hint, path, problems, wrong)
     if origin is Literal:
         if value not in get_args(hint):
             words = ", ".join(str(option) for option in get_args(hint))
@@ -70,16 +73,42 @@ def convert(
         return _tuple(value, hint, name, path, problems, wrong)
     if hint is float:
         if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
-            wrong("a number")
+            wrong(_SCALARS[float])
             return value
         return float(value)
-    if hint is int and (isinstance(value, bool) or not isinstance(value, int)):
-        wrong("a whole number")
-    elif hint is bool and not isinstance(value, bool):
-        wrong("true or false")
-    elif hint is str and not isinstance(value, str):
-        wrong("a text")
+    if not isinstance(value, hint) or (hint is int and isinstance(value, bool)):
+        wrong(_SCALARS[hint])
     return value
+
+
+def _union(value: Any, options: list[Any], wrong: Callable[[str], None]) -> Any:
+    """The value as the first option that takes it."""
+    for option in options:
+        misfits: list[Problem] = []
+        converted = convert(value, option, "", (), misfits)
+        if not misfits:
+            return converted
+    words = (_SCALARS.get(option) or " or ".join(map(str, get_args(option))) for option in options)
+    wrong(" or ".join(words))
+    return value
+
+
+def _nested(
+    value: Any,
+    cls: Any,
+    path: tuple[str | int, ...],
+    problems: list[Problem],
+    wrong: Callable[[str], None],
+) -> Any:
+    """A group of parameters within the parameters."""
+    if isinstance(value, cls):
+        return value
+    if not isinstance(value, Mapping):
+        wrong("a mapping of parameters")
+        return value
+    made, found = build(cls, value)
+    problems += [Problem((*path, *problem.path), problem.text) for problem in found]
+    return made
 
 
 def _tuple(
