@@ -1,0 +1,159 @@
+"""Two AS5048B magnetic encoders, one per wheel: angles in, cumulative counts out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from lodeline.devices.link import Health, Link
+from lodeline.i2c import Bus
+
+DIAGNOSTICS = 0xFB
+ANGLE_HIGH = 0xFE
+TURN = 1 << 14  # counts
+OFFSETS_LOADED = 0x01
+CORDIC_OVERFLOW = 0x02
+FIELD_STRONG = 0x04  # the magnet is too near
+FIELD_WEAK = 0x08  # the magnet is too far
+CHECK_PERIOD = 0.1  # s
+BRIDGE = 1.0  # s
+SPEED_BASE = 0.02  # s, so that a count of noise is no speed
+
+
+@dataclass(frozen=True, slots=True)
+class EncodersParams:
+    """Where the encoders are. An inverted one counts down when its wheel rolls forward."""
+
+    left_address: Annotated[int, "1"] = 0x40
+    right_address: Annotated[int, "1"] = 0x41
+    left_inverted: Annotated[bool, "1"] = False
+    right_inverted: Annotated[bool, "1"] = False
+
+
+class Counter:
+    """Turns angles of 14 bits into a cumulative count, starting at 0.
+
+    A gap of up to 1 s is bridged with the speed seen before it, so that a wheel may turn on by
+    more than half a turn while the bus is silent. After a longer one the count moves by less than
+    half a turn: whole turns may be missing, but no way is invented.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._angle: int | None = None
+        self._now_s = 0.0
+        self._speed = 0.0  # counts/s
+        self._base_count = 0
+        self._base_s = 0.0
+
+    def update(self, now_s: float, angle: int) -> bool:
+        """Take an angle (0 to 16383) read at `now_s` [s]; False if turns may be missing."""
+        if self._angle is None:
+            self._angle, self._now_s, self._base_s = angle, now_s, now_s
+            return True
+        dt = now_s - self._now_s
+        bridged = dt <= BRIDGE
+        expected = round(self._speed * dt) if bridged else 0
+        rest = (angle - self._angle - expected + TURN // 2) % TURN - TURN // 2
+        self.count += expected + rest
+        self._angle, self._now_s = angle, now_s
+        if not bridged:
+            self._speed, self._base_count, self._base_s = 0.0, self.count, now_s
+        elif now_s - self._base_s >= SPEED_BASE:
+            self._speed = (self.count - self._base_count) / (now_s - self._base_s)
+            self._base_count, self._base_s = self.count, now_s
+        return bridged
+
+
+class _Encoder:
+    """One encoder with its link."""
+
+    def __init__(self, name: str, bus: Bus, address: int, inverted: bool) -> None:
+        self._name = name
+        self._bus = bus
+        self._address = address
+        self._sign = -1 if inverted else 1
+        self._counter = Counter()
+        self._check_s = float("-inf")
+        self._trouble = 0
+        self.link = Link(name, bus, address, (self._answer,))
+
+    def read(self, now_s: float) -> int | None:
+        link = self.link
+        if not link.ready(now_s):
+            return None
+        if now_s >= self._check_s:
+            self._check_s = now_s + CHECK_PERIOD
+            self._diagnose(now_s)
+        raw = link.attempt(now_s, self._angle)
+        if raw is None or self._trouble & CORDIC_OVERFLOW:
+            return None
+        angle = (raw[0] << 6) | (raw[1] & 0x3F)
+        if not self._counter.update(now_s, angle):
+            link.health.tell(f"ENC_GAP {self._name}: silent too long, turns may be missing")
+        return self._sign * self._counter.count
+
+    def _diagnose(self, now_s: float) -> None:
+        flags = self.link.attempt(now_s, self._flags)
+        if flags is None:
+            return
+        trouble = flags & (CORDIC_OVERFLOW | FIELD_STRONG | FIELD_WEAK)
+        if trouble and trouble != self._trouble:
+            self.link.health.tell(f"ENC_MAGNET {self._name}: {_TROUBLES[trouble]}")
+        self._trouble = trouble
+
+    def _answer(self) -> float:
+        return 0.0 if self._flags() & OFFSETS_LOADED else 0.01
+
+    def _flags(self) -> int:
+        return self._bus.read_byte_data(self._address, DIAGNOSTICS)
+
+    def _angle(self) -> list[int]:
+        return self._bus.read_i2c_block_data(self._address, ANGLE_HIGH, 2)
+
+
+_TROUBLES = {
+    trouble: " and ".join(
+        text
+        for bit, text in (
+            (CORDIC_OVERFLOW, "angle not valid"),
+            (FIELD_STRONG, "magnet too near"),
+            (FIELD_WEAK, "magnet too far"),
+        )
+        if trouble & bit
+    )
+    for trouble in range(2, 16, 2)
+}
+
+
+class Encoders:
+    """The driver of both wheels. A lost reading drops the sample; the next one is right again."""
+
+    def __init__(
+        self, bus: Bus, params: EncodersParams | None = None, name: str = "encoders"
+    ) -> None:
+        p = params if params is not None else EncodersParams()
+        self._left = _Encoder(f"{name} left", bus, p.left_address, p.left_inverted)
+        self._right = _Encoder(f"{name} right", bus, p.right_address, p.right_inverted)
+
+    @property
+    def health(self) -> Health:
+        """How the worse of the two does, with the counts of both."""
+        left, right = self._left.link.health, self._right.link.health
+        worse = left if left.state == "fault" else right
+        if worse.state == "ok" and left.events > right.events:
+            worse = left
+        return Health(
+            state=worse.state,
+            message=worse.message,
+            events=left.events + right.events,
+            retried=left.retried + right.retried,
+            failed=left.failed + right.failed,
+            recovered=left.recovered + right.recovered,
+        )
+
+    def read(self, now_s: float) -> tuple[int, int] | None:
+        """Return the cumulative counts (left, right), forward positive, 16384 to a turn."""
+        left = self._left.read(now_s)
+        right = self._right.read(now_s)
+        return None if left is None or right is None else (left, right)

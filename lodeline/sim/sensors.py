@@ -1,0 +1,144 @@
+"""What the robot's sensors are exposed to, noise and faults of manufacture included.
+
+Functions of the simulation's time [s] that chips sample: SI units, axes of the body (FLU).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, hypot, pi, sin
+from typing import Annotated
+
+from lodeline.sim.noise import Noise
+from lodeline.sim.world import Motion, World, WorldParams
+
+Vector = tuple[float, float, float]
+Matrix = tuple[float, float, float, float, float, float, float, float, float]
+MICRO = 1e6  # noise is drawn per microsecond of the simulation
+
+
+@dataclass(frozen=True, slots=True)
+class SensorParams(WorldParams):
+    """The world's parameters and those of its sensors; standard deviations are per sample.
+
+    The magnetometer reads `soft_iron` (3 x 3, row by row) times the local field, plus `hard_iron`.
+    """
+
+    gyro_noise: Annotated[float, "rad/s"] = 0.0017
+    gyro_bias: Annotated[tuple[float, float, float], "rad/s"] = (0.012, -0.008, 0.006)
+    accel_noise: Annotated[float, "m/s^2"] = 0.03
+    accel_bias: Annotated[tuple[float, float, float], "m/s^2"] = (0.0, 0.0, 0.0)
+    mag_noise: Annotated[float, "T"] = 0.5e-6
+    field_strength: Annotated[float, "T"] = 47.0e-6
+    field_dip: Annotated[float, "rad"] = 1.10
+    declination: Annotated[float, "rad"] = 0.0
+    hard_iron: Annotated[tuple[float, float, float], "T"] = (11.5e-6, -1.0e-6, 6.0e-6)
+    soft_iron: Annotated[Matrix, "1"] = (1.06, 0.02, 0.0, 0.02, 0.95, 0.01, 0.0, 0.01, 0.99)
+    temperature: Annotated[float, "degC"] = 27.0
+    encoder_noise: Annotated[float, "rad"] = 0.0005
+    bar_ahead: Annotated[float, "m"] = 0.08
+    reed_pitch: Annotated[float, "m"] = 0.01
+    reed_reach: Annotated[float, "m"] = 0.00825
+    magnet_pitch: Annotated[float, "m"] = 0.055
+
+
+class Sensors:
+    """Looks at a world with the eyes of its sensors."""
+
+    def __init__(self, params: SensorParams, world: World) -> None:
+        self._params = params
+        self._world = world
+        self._gyro_noise = Noise(params.seed, 1)
+        self._accel_noise = Noise(params.seed, 2)
+        self._mag_noise = Noise(params.seed, 3)
+        self._encoder_noise = Noise(params.seed, 4)
+
+    def angular_velocity(self, t: float) -> Vector:
+        """What the gyro senses [rad/s]."""
+        rate = self._world.at(t).angular_velocity
+        p = self._params
+        return _disturbed(rate, p.gyro_bias, p.gyro_noise, self._gyro_noise.triple(_index(t)))
+
+    def specific_force(self, t: float) -> Vector:
+        """What the accelerometer senses [m/s^2]: +9.81 on z at rest."""
+        force = self._world.at(t).specific_force
+        p = self._params
+        return _disturbed(force, p.accel_bias, p.accel_noise, self._accel_noise.triple(_index(t)))
+
+    def magnetic_field(self, t: float) -> Vector:
+        """What the magnetometer senses [T]."""
+        p = self._params
+        x, y, z = _into_body(self._world.at(t), _local_field(p))
+        m = p.soft_iron
+        bent = (
+            m[0] * x + m[1] * y + m[2] * z,
+            m[3] * x + m[4] * y + m[5] * z,
+            m[6] * x + m[7] * y + m[8] * z,
+        )
+        return _disturbed(bent, p.hard_iron, p.mag_noise, self._mag_noise.triple(_index(t)))
+
+    def temperature(self, t: float) -> float:
+        """What the thermometer senses [degC]: the chip warms up by 3 K after power-on."""
+        return self._params.temperature + 3.0 * (1.0 - 1.0 / (1.0 + t / 60.0))
+
+    def wheel_angles(self, t: float) -> tuple[float, float]:
+        """What the encoders sense [rad], left and right, forward positive, not taken round."""
+        motion = self._world.at(t)
+        sd = self._params.encoder_noise
+        left, right = self._encoder_noise.pair(_index(t))
+        return motion.left_angle + sd * left, motion.right_angle + sd * right
+
+    def closed_reeds(self, t: float) -> int:
+        """Which of the eight reeds a magnet closes: bit 0 is reed 1, the rightmost."""
+        p = self._params
+        motion = self._world.at(t)
+        c, s = cos(motion.yaw), sin(motion.yaw)
+        closed = 0
+        for reed in range(1, 9):
+            lateral = p.reed_pitch * (reed - 4.5)
+            x = motion.x + p.bar_ahead * c - lateral * s
+            y = motion.y + p.bar_ahead * s + lateral * c
+            off = hypot(_off_grid(x, p.magnet_pitch), _off_grid(y, p.magnet_pitch))
+            closed |= (off < p.reed_reach) << (reed - 1)
+        return closed
+
+
+def _index(t: float) -> int:
+    return round(t * MICRO)
+
+
+def _disturbed(true: Vector, bias: Vector, sd: float, noise: Vector) -> Vector:
+    return (
+        true[0] + bias[0] + sd * noise[0],
+        true[1] + bias[1] + sd * noise[1],
+        true[2] + bias[2] + sd * noise[2],
+    )
+
+
+def _local_field(p: SensorParams) -> Vector:
+    """Return the earth's field [T] in ENU; declination is east of north, dip is downwards."""
+    level = p.field_strength * cos(p.field_dip)
+    return (
+        level * sin(p.declination),
+        level * cos(p.declination),
+        -p.field_strength * sin(p.field_dip),
+    )
+
+
+def _into_body(motion: Motion, world: Vector) -> Vector:
+    """Turn a vector of the world into the body's axes: the transpose of Rz Ry Rx."""
+    sy, cy = sin(motion.yaw), cos(motion.yaw)
+    sp, cp = sin(motion.pitch), cos(motion.pitch)
+    sr, cr = sin(motion.roll), cos(motion.roll)
+    x, y, z = cy * world[0] + sy * world[1], cy * world[1] - sy * world[0], world[2]
+    x, z = cp * x - sp * z, sp * x + cp * z
+    return x, cr * y + sr * z, cr * z - sr * y
+
+
+def _off_grid(value: float, pitch: float) -> float:
+    return value - pitch * round(value / pitch)
+
+
+def turn_of(angle: float) -> float:
+    """Return an angle [rad] as a fraction of a turn in [0, 1)."""
+    return angle / (2.0 * pi) % 1.0
