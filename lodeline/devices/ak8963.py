@@ -65,8 +65,11 @@ class Ak8963:
             return None
         if now_s >= self._check_s:
             self._check_s = now_s + CHECK_PERIOD
-            if link.attempt(now_s, self._is_measuring) is False:
+            measuring = link.attempt(now_s, self._is_measuring)
+            if measuring is False:
                 link.lost(now_s, f"MAG_RESET {self._name}: mode lost, reconfigured")
+                link.ready(now_s)
+            if not measuring:
                 return None
         raw = link.attempt(now_s, self._burst)
         if raw is None or not raw[0] & DATA_READY:

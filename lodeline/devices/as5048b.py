@@ -31,38 +31,43 @@ class EncodersParams:
 
 
 class Counter:
-    """Turns angles of 14 bits into a cumulative count, starting at 0.
+    """Turns angles of 14 bits into a cumulative count.
 
     A gap of up to 1 s is bridged with the speed seen before it, so that a wheel may turn on by
-    more than half a turn while the bus is silent. After a longer one the count moves by less than
-    half a turn: whole turns may be missing, but no way is invented.
+    more than half a turn while the bus is silent. Longer ones cannot be: whole turns would be
+    missing.
     """
 
     def __init__(self) -> None:
         self.count = 0
-        self._angle: int | None = None
+        self._angle = -1
         self._now_s = 0.0
         self._speed = 0.0  # counts/s
         self._base_count = 0
         self._base_s = 0.0
 
     def update(self, now_s: float, angle: int) -> bool:
-        """Take an angle (0 to 16383) read at `now_s` [s]; False if turns may be missing."""
-        if self._angle is None:
-            self._angle, self._now_s, self._base_s = angle, now_s, now_s
-            return True
+        """Take an angle (0 to 16383) read at `now_s` [s]; False if the gap before was too long."""
         dt = now_s - self._now_s
-        bridged = dt <= BRIDGE
-        expected = round(self._speed * dt) if bridged else 0
+        if self._angle < 0 or dt > BRIDGE:
+            known = self._angle < 0
+            self.restart()
+            self._angle, self._now_s, self._base_s = angle, now_s, now_s
+            return known
+        expected = round(self._speed * dt)
         rest = (angle - self._angle - expected + TURN // 2) % TURN - TURN // 2
         self.count += expected + rest
         self._angle, self._now_s = angle, now_s
-        if not bridged:
-            self._speed, self._base_count, self._base_s = 0.0, self.count, now_s
-        elif now_s - self._base_s >= SPEED_BASE:
+        if now_s - self._base_s >= SPEED_BASE:
             self._speed = (self.count - self._base_count) / (now_s - self._base_s)
             self._base_count, self._base_s = self.count, now_s
-        return bridged
+        return True
+
+    def restart(self) -> None:
+        """Count from 0 again, from the last angle on."""
+        self.count = self._base_count = 0
+        self._base_s = self._now_s
+        self._speed = 0.0
 
 
 class _Encoder:
@@ -73,34 +78,41 @@ class _Encoder:
         self._bus = bus
         self._address = address
         self._sign = -1 if inverted else 1
-        self._counter = Counter()
+        self.counter = Counter()
         self._check_s = float("-inf")
         self._trouble = 0
         self.link = Link(name, bus, address, (self._answer,))
 
-    def read(self, now_s: float) -> int | None:
+    def read(self, now_s: float) -> bool | None:
+        """Update the counter: None if there is no angle, False if it had to start anew."""
         link = self.link
         if not link.ready(now_s):
             return None
         if now_s >= self._check_s:
             self._check_s = now_s + CHECK_PERIOD
-            self._diagnose(now_s)
+            if not self._diagnose(now_s):
+                return None
         raw = link.attempt(now_s, self._angle)
         if raw is None or self._trouble & CORDIC_OVERFLOW:
             return None
-        angle = (raw[0] << 6) | (raw[1] & 0x3F)
-        if not self._counter.update(now_s, angle):
-            link.health.tell(f"ENC_GAP {self._name}: silent too long, turns may be missing")
-        return self._sign * self._counter.count
+        known = self.counter.update(now_s, (raw[0] << 6) | (raw[1] & 0x3F))
+        if not known:
+            link.health.tell(f"ENC_GAP {self._name}: silent for over {BRIDGE:g} s, counts from 0")
+        return known
 
-    def _diagnose(self, now_s: float) -> None:
+    @property
+    def count(self) -> int:
+        return self._sign * self.counter.count
+
+    def _diagnose(self, now_s: float) -> bool:
         flags = self.link.attempt(now_s, self._flags)
         if flags is None:
-            return
+            return False
         trouble = flags & (CORDIC_OVERFLOW | FIELD_STRONG | FIELD_WEAK)
         if trouble and trouble != self._trouble:
             self.link.health.tell(f"ENC_MAGNET {self._name}: {_TROUBLES[trouble]}")
         self._trouble = trouble
+        return True
 
     def _answer(self) -> float:
         return 0.0 if self._flags() & OFFSETS_LOADED else 0.01
@@ -127,7 +139,11 @@ _TROUBLES = {
 
 
 class Encoders:
-    """The driver of both wheels. A lost reading drops the sample; the next one is right again."""
+    """The driver of both wheels. A lost reading drops the sample; the next one is right again.
+
+    After a silence of over 1 s both counts start from 0 again, for nobody knows how often the
+    wheels went round: odometry takes that as a new reference, not as way.
+    """
 
     def __init__(
         self, bus: Bus, params: EncodersParams | None = None, name: str = "encoders"
@@ -156,4 +172,7 @@ class Encoders:
         """Return the cumulative counts (left, right), forward positive, 16384 to a turn."""
         left = self._left.read(now_s)
         right = self._right.read(now_s)
-        return None if left is None or right is None else (left, right)
+        if left is False or right is False:
+            self._left.counter.restart()
+            self._right.counter.restart()
+        return None if left is None or right is None else (self._left.count, self._right.count)

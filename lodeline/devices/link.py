@@ -25,7 +25,9 @@ RETRY_LAST = 2.0  # s
 
 
 class DeviceError(Exception):
-    """Another chip answers than the one declared; trying again cannot help."""
+    """The chip that answers is not the one declared, or does not do what it is told."""
+
+    exit_code = 69  # of the process that cannot do without: EX_UNAVAILABLE
 
 
 @dataclass(slots=True)

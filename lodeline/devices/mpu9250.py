@@ -62,6 +62,16 @@ class Mpu9250Params:
     dlpf: Annotated[Literal[1, 2, 3, 4, 5, 6], "1"] = 2
     sample_rate: Annotated[float, "Hz"] = 1000.0
 
+    def __post_init__(self) -> None:
+        whole = 1 <= self.divider <= 256
+        if not whole or abs(self.divider * self.sample_rate - 1000.0) > 1e-3:
+            raise ValueError(f"sample_rate is 1000 Hz / 1..256, not {self.sample_rate:g} Hz")
+
+    @property
+    def divider(self) -> int:
+        """What divides the chip's 1 kHz; 0 if the rate makes no sense."""
+        return round(1000.0 / self.sample_rate) if self.sample_rate > 0.0 else 0
+
 
 class ImuReading(NamedTuple):
     """One burst: rad/s, m/s^2 (specific force, +9.81 on z at rest) and degC, in chip axes."""
@@ -80,14 +90,11 @@ class Mpu9250:
 
     def __init__(self, bus: Bus, params: Mpu9250Params | None = None, name: str = "imu") -> None:
         params = params if params is not None else Mpu9250Params()
-        divider = round(1000.0 / params.sample_rate)
-        if not 1 <= divider <= 256 or abs(divider * params.sample_rate - 1000.0) > 1e-3:
-            raise ValueError(f"sample_rate {params.sample_rate:g} Hz is not 1000 Hz / 1..256")
         self._bus = bus
         self._address = params.address
         self._name = name
         self._settings = (  # of SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG2
-            divider - 1,
+            params.divider - 1,
             params.dlpf,
             GYRO_CODES[params.gyro_range] << 3,
             ACCEL_CODES[params.accel_range] << 3,
@@ -111,9 +118,11 @@ class Mpu9250:
             return None
         if now_s >= self._check_s:
             self._check_s = now_s + CHECK_PERIOD
-            if link.attempt(now_s, self._is_configured) is False:
+            configured = link.attempt(now_s, self._is_configured)
+            if configured is False:
                 link.lost(now_s, f"IMU_RESET {self._name}: registers lost, reconfigured")
                 link.ready(now_s)
+            if not configured:
                 return None
         raw = link.attempt(now_s, self._burst)
         if raw is None:
@@ -155,7 +164,7 @@ class Mpu9250:
         bus.write_byte_data(address, USER_CTRL, 0x00)  # its own I2C master off
         bus.write_byte_data(address, INT_PIN_CFG, BYPASS)  # the magnetometer onto our bus
         if not self._is_configured():
-            raise OSError(None, "settings were not taken")
+            raise DeviceError(f"IMU_SETTINGS {self._name}: the chip does not keep its settings")
         return START_TIME
 
     def _is_configured(self) -> bool:

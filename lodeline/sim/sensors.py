@@ -10,7 +10,7 @@ from math import cos, hypot, pi, sin
 from typing import Annotated
 
 from lodeline.sim.noise import Noise
-from lodeline.sim.world import Motion, World, WorldParams
+from lodeline.sim.world import Motion, World, WorldParams, must_be_positive
 
 Vector = tuple[float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
@@ -40,6 +40,10 @@ class SensorParams(WorldParams):
     reed_pitch: Annotated[float, "m"] = 0.01
     reed_reach: Annotated[float, "m"] = 0.00825
     magnet_pitch: Annotated[float, "m"] = 0.055
+
+    def __post_init__(self) -> None:
+        WorldParams.__post_init__(self)
+        must_be_positive(self, "reed_pitch", "reed_reach", "magnet_pitch")
 
 
 class Sensors:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from math import atan2, cos, exp, pi, sin, sqrt
+from math import atan2, cos, exp, isfinite, pi, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from lodeline.sim.course import Course
@@ -21,7 +21,8 @@ MOTOR_LAG = 0.05  # s
 GRAVITY = 9.80665  # m/s^2
 HEADING_GAIN = 4.0  # 1/s
 APPROACH = 8.0  # rad/m, how steeply the robot returns to its course
-MAX_RATE = 3.0  # rad/s
+MAX_SPEED = 0.5  # m/s and
+MAX_RATE = 4.0  # rad/s, more than which the motors do not give
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +40,25 @@ class WorldParams:
     speed: Annotated[float, "m/s"] = 0.12
     course_straight: Annotated[float, "m"] = 0.35
     course_radius: Annotated[float, "m"] = 0.20
-    left_scale_error: Annotated[float, "1"] = 0.004
-    right_scale_error: Annotated[float, "1"] = -0.002
-    slip: Annotated[float, "1"] = 0.015
+    left_scale_error: Annotated[float, "1"] = 0.0025
+    right_scale_error: Annotated[float, "1"] = -0.001
+    slip: Annotated[float, "1"] = 0.005
     slip_time: Annotated[float, "s"] = 0.3
     bump_x: Annotated[float, "m"] = 0.18
     bump_width: Annotated[float, "m"] = 0.03
     bump_height: Annotated[float, "m"] = 0.002
     castor: Annotated[float, "m"] = 0.06
+
+    def __post_init__(self) -> None:
+        lengths = ("wheel_radius", "track", "course_radius", "slip_time", "bump_width", "castor")
+        must_be_positive(self, *lengths)
+
+
+def must_be_positive(params: object, *names: str) -> None:
+    """Raise ValueError at the first of the named parameters that is not above zero."""
+    for name in names:
+        if not getattr(params, name) > 0.0:
+            raise ValueError(f"{name} must be positive, not {getattr(params, name)}")
 
 
 @dataclass(slots=True)
@@ -111,9 +123,15 @@ class World:
         return self.state.step * STEP
 
     def command(self, now: float, v: float, w: float) -> None:
-        """Drive at v [m/s] and w [rad/s] for the next 0.5 s instead of along the course."""
+        """Drive at v [m/s] and w [rad/s] for the next 0.5 s instead of along the course.
+
+        Raises ValueError if one is not finite.
+        """
+        if not (isfinite(v) and isfinite(w)):
+            raise ValueError(f"no robot drives at {v} m/s and {w} rad/s")
         self.advance(now)
-        self.state.command_v, self.state.command_w = v, w
+        self.state.command_v = _clip(v, MAX_SPEED)
+        self.state.command_w = _clip(w, MAX_RATE)
         self.state.command_until = now + COMMAND_LIFE
 
     def advance(self, t: float) -> None:
@@ -165,12 +183,12 @@ class World:
         dx, dy = state.x - x, state.y - y
         aside = dy * cos(yaw) - dx * sin(yaw)
         ahead = dx * cos(yaw) + dy * sin(yaw)
-        aim = yaw - max(-0.5 * pi, min(0.5 * pi, APPROACH * aside))
+        aim = yaw - _clip(APPROACH * aside, 0.5 * pi)
         off = atan2(sin(aim - state.yaw), cos(aim - state.yaw))
         # the point on the course is led along beside the robot
         state.course_at += max(0.0, ahead + state.v * cos(state.yaw - yaw) * STEP)
         w = p.speed * curvature + HEADING_GAIN * off if p.speed else 0.0
-        return p.speed, max(-MAX_RATE, min(MAX_RATE, w))
+        return p.speed, _clip(w, MAX_RATE)
 
     def _tilt(self) -> None:
         """Stand the robot on the floor under its wheels and its castor."""
@@ -223,3 +241,7 @@ class World:
         return Motion(
             s.x, s.y, yaw, s.roll, s.pitch, s.v, s.w, s.left_angle, s.right_angle, rates, force
         )
+
+
+def _clip(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))
