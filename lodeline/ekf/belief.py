@@ -6,6 +6,9 @@ from typing import NamedTuple
 Covariance3 = tuple[float, float, float, float, float, float, float, float, float]
 """Covariance of (x, y, yaw), row-major."""
 
+SINGULAR = 1e-13  # of a variance: what rounding may take from it
+FLOOR = 1e-18  # m^2, rad^2: a variance that means nothing, for one that rounding made zero
+
 
 class Belief(NamedTuple):
     """Mean [m, m, rad] and the upper triangle of its covariance: symmetric by construction."""
@@ -43,6 +46,34 @@ class Belief(NamedTuple):
         return self._replace(
             p00=self.p00 + more, p11=self.p11 + more, p22=self.p22 + heading * heading
         )
+
+    def positive(self) -> "Belief":
+        """Itself if its covariance is positive definite, else with the diagonal raised till it is.
+
+        Joseph's form keeps it so in exact arithmetic; with a detection very much surer than the
+        belief, rounding may not.
+        """
+        if self._definite:
+            return self
+        p00, p11, p22 = (max(abs(p), FLOOR) for p in (self.p00, self.p11, self.p22))
+        for power in range(16):
+            raised = 1.0 + SINGULAR * 10.0**power
+            belief = self._replace(p00=raised * p00, p11=raised * p11, p22=raised * p22)
+            if belief._definite:
+                return belief
+        return self._replace(p00=p00, p01=0.0, p02=0.0, p11=p11, p12=0.0, p22=p22)
+
+    @property
+    def _definite(self) -> bool:
+        """True if the pivots of L D L^T are positive by more than rounding."""
+        _, _, _, p00, p01, p02, p11, p12, p22 = self
+        if not p00 > 0.0:
+            return False
+        second = p11 - p01 * p01 / p00
+        if not second > SINGULAR * p11:
+            return False
+        cross = p12 - p01 * p02 / p00
+        return p22 - p02 * p02 / p00 - cross * cross / second > SINGULAR * p22
 
 
 def certain(x: float, y: float, yaw: float) -> Belief:

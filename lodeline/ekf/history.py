@@ -96,12 +96,20 @@ class History(Generic[B]):
         self._keys.insert(i, key)
         node: Node[B] = Node(sample)
         self._nodes.insert(i, node)
-        while i > 0 and self._keys[i - 1][1] == 1:  # hits before it are split anew
+        while i > 0 and self._between(self._nodes[i - 1]):  # its way is split anew
             i -= 1
         self._replay(i)
         verdict: Verdict = "waiting" if node.after is None else "used"
         self._settle()
         return verdict
+
+    @staticmethod
+    def _between(node: Node[B]) -> bool:
+        """True for hits between two motions: what is believed there hangs on the one to come."""
+        if isinstance(node.sample, Motion):
+            return False
+        motion = node.after.motion if node.after else None
+        return motion is None or motion.stamp_ns < node.sample.stamp_ns
 
     def _waiting_after(self, i: int) -> int:
         if i > 0 and self._nodes[i - 1].after is not None and self._nodes[-1].after is not None:
@@ -112,7 +120,7 @@ class History(Generic[B]):
         mark = self._base
         if i > 0:
             before = self._nodes[i - 1].after
-            assert before is not None  # the node before a replay is a motion
+            assert before is not None  # else the replay would have begun before it
             mark = before
         coming = i
         for j in range(i, len(self._nodes)):

@@ -23,6 +23,7 @@ class OdometryParams:
     `wheel_noise: distance` lets the variance of a wheel's way grow with the way itself
     (`distance_noise` * |d|), so a parked robot gets no less sure and any rate gives the same
     growth. `rate` is the lab's form: each wheel rate has the variance `rate_noise`^2 per step.
+    Raises ValueError for a parameter that makes no sense.
     """
 
     wheel_radius: Annotated[float, "m"] = 0.0215
@@ -34,9 +35,17 @@ class OdometryParams:
     counter_bits: Annotated[int | None, "bit"] = None
     method: Literal["midpoint", "euler"] = "midpoint"
     wheel_noise: Literal["distance", "rate"] = "distance"
-    distance_noise: Annotated[float, "m"] = 1e-4
+    distance_noise: Annotated[float, "m"] = 3e-4
     rate_noise: Annotated[float, "rad/s"] = 0.1
     max_wheel_speed: Annotated[float, "m/s"] = 2.0
+
+    def __post_init__(self) -> None:
+        if not self.max_wheel_speed > 0.0:
+            raise ValueError(f"max_wheel_speed must be positive, not {self.max_wheel_speed} m/s")
+        if min(self.distance_noise, self.rate_noise) < 0.0:
+            raise ValueError("distance_noise and rate_noise must not be negative")
+        count_difference(0, 0, self.counter_bits)
+        _ = self.drive
 
     @property
     def drive(self) -> DifferentialDrive:

@@ -1,0 +1,53 @@
+"""Parameters of the localiser."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from lodeline.ekf.engine import EngineName
+
+
+@dataclass(frozen=True, slots=True)
+class LocalizerParams:
+    """Where it starts, what it sees, and how much it trusts what it sees.
+
+    `process_noise: input` is P <- A P A^T + B Q B^T with the odometry's own covariance;
+    `alpha` is the lab's other form, + Q_alpha = diag(a^2, a^2, b^2) per odometry step.
+    `magnet_model: plain` takes every closed reed as a magnet under the bar, as the lab does;
+    `edges` makes use of when a reed closes and opens (see `sightings`). A magnet holds its reed
+    closed over `passage`; the ends of it scatter by `edge_sigma`, the offset by `lateral_sigma`.
+    `gate` is on the squared Mahalanobis distance (9.21: 99 % of chi-square, 2 degrees of freedom);
+    after `widen_after` rejections in a row the doubt grows by `widen_sigma`. `reset_sigma` is the
+    doubt that a gap in the odometry brings, also one it does not own up to (> `max_speed`).
+    Raises ValueError for a parameter that makes no sense.
+    """
+
+    engine: EngineName = "scalar"
+    initial_pose: Annotated[tuple[float, float, float], "m, m, rad"] = (0.0, 0.0, 0.0)
+    initial_sigma: Annotated[tuple[float, float], "m, rad"] = (0.005, 0.05)
+    lattice_pitch: Annotated[float, "m"] = 0.055
+    lattice_origin: Annotated[tuple[float, float], "m"] = (0.0, 0.0)
+    bar_x: Annotated[float, "m"] = 0.080
+    process_noise: Literal["input", "alpha"] = "input"
+    alpha_sigma: Annotated[tuple[float, float], "m, rad"] = (0.002, 0.02)
+    magnet_model: Literal["plain", "edges"] = "edges"
+    passage: Annotated[float, "m"] = 0.0165
+    edge_sigma: Annotated[float, "m"] = 0.003
+    lateral_sigma: Annotated[float, "m"] = 0.0035
+    gate: Annotated[float, "1"] = 9.21
+    widen_after: Annotated[int, "1"] = 5
+    widen_sigma: Annotated[tuple[float, float], "m, rad"] = (0.010, 0.05)
+    reset_sigma: Annotated[tuple[float, float], "m, rad"] = (0.05, 0.2)
+    max_speed: Annotated[float, "m/s"] = 5.0
+    history: Annotated[float, "s"] = 1.0
+
+    def __post_init__(self) -> None:
+        positive = ("lattice_pitch", "passage", "edge_sigma", "lateral_sigma", "gate")
+        for name in (*positive, "widen_after", "max_speed", "history"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
+        for name in ("initial_sigma", "alpha_sigma", "reset_sigma"):
+            if min(getattr(self, name)) < 0.0:
+                raise ValueError(f"{name} must not be negative, as {getattr(self, name)} is")
+        if not min(self.widen_sigma) > 0.0:
+            # without it a robot that lost its way would reject every magnet for ever
+            raise ValueError(f"widen_sigma must be positive, not {self.widen_sigma}")

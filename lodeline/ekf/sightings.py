@@ -1,0 +1,106 @@
+"""What a reading of the reed bar says about where the magnets lie ahead of the robot.
+
+A magnet holds its reed closed over a stretch of the way, the passage. A closed reed alone says
+only that the magnet is somewhere in it (`plain_sights`). A reed that was open one reading ago
+closed within the last step, so the magnet is at the near end of the passage; one that opens again
+leaves it at the far end. In between, readings closer together than the passage share one error,
+so each is worth its share of the way (`edge_sights`).
+"""
+
+from typing import NamedTuple
+
+UNKNOWN_WAY = 1e3  # m: the bar may have come from anywhere
+SAME_MAGNET = 0.011  # m: magnets are farther apart than a sight moves within a passage
+STRAIGHT = 0.8  # share of the bar's way along its x axis from which there is a near and a far end
+
+
+class Sight(NamedTuple):
+    """A magnet at (bar_x + `offset`, `lateral`) [m] of the robot, with variances [m^2]."""
+
+    lateral: float
+    offset: float
+    ahead_variance: float
+    left_variance: float
+
+
+class Contact(NamedTuple):
+    """A magnet met lately: last lateral offset and the bar's ways since, all in m."""
+
+    lateral: float
+    since_first: float  # signed, along x, since the first reading that had it
+    since_last: float  # any direction, since the last reading that had it
+
+    def moved(self, way: float, step: float) -> "Contact":
+        """After the bar moved by `way` [m], of which `step` along x."""
+        return Contact(self.lateral, self.since_first + step, self.since_last + way)
+
+
+class ReedModel(NamedTuple):
+    """Length of the passage, scatter of its two ends, and scatter across [m]."""
+
+    passage: float
+    edge_sigma: float
+    lateral_sigma: float
+
+    def sight(self, lateral: float, low: float, high: float, share: float = 1.0) -> Sight:
+        """A magnet anywhere from `low` to `high` [m] ahead of the bar, worth `share` (0 to 1]."""
+        ahead = (high - low) ** 2 / 12.0 + self.edge_sigma**2
+        left = self.lateral_sigma**2
+        return Sight(lateral, 0.5 * (low + high), ahead / share, left / share)
+
+
+def plain_sights(model: ReedModel, laterals: tuple[float, ...]) -> list[Sight]:
+    """Each magnet of each reading is under the bar, give or take half a passage."""
+    half = 0.5 * model.passage
+    return [model.sight(lateral, -half, half) for lateral in laterals]
+
+
+def edge_sights(
+    model: ReedModel,
+    contacts: tuple[Contact, ...],
+    laterals: tuple[float, ...],
+    way: float,
+    step: float,
+) -> tuple[list[Sight], tuple[Contact, ...]]:
+    """Sights of a reading, and the contacts to remember for the next.
+
+    `way` is what the bar moved since the reading before [m], `step` the part along its x axis,
+    signed; `contacts` are those of the reading before, not yet moved.
+    """
+    half, straight = 0.5 * model.passage, abs(step) >= STRAIGHT * way > 0.0
+    share = min(1.0, max(way, 1e-6) / model.passage)
+    sights: list[Sight] = []
+    kept: list[Contact] = []
+    left_over = list(contacts)
+    for lateral in laterals:
+        before = _nearest(left_over, lateral)
+        if before is not None:
+            left_over.remove(before)
+            moved = before.moved(way, step)
+            sights.append(model.sight(lateral, -half, half, share))
+            kept.append(Contact(lateral, moved.since_first, 0.0))
+            continue
+        kept.append(Contact(lateral, 0.0, 0.0))
+        if not straight:
+            sights.append(model.sight(lateral, -half, half, share))
+        elif step > 0.0:
+            sights.append(model.sight(lateral, max(-half, half - step), half))
+        else:
+            sights.append(model.sight(lateral, -half, min(half, -half - step)))
+    for before in left_over:
+        moved = before.moved(way, step)
+        closed = before.since_last == 0.0
+        # it went through, rather than back out, if the bar is well past where it met the magnet
+        if closed and straight and way < model.passage and moved.since_first * step > 0.0:
+            if moved.since_first >= half:
+                sights.append(model.sight(before.lateral, -half - step, -half))
+            elif moved.since_first <= -half:
+                sights.append(model.sight(before.lateral, half, half - step))
+        if moved.since_last < model.passage:
+            kept.append(moved)
+    return sights, tuple(kept)
+
+
+def _nearest(contacts: list[Contact], lateral: float) -> Contact | None:
+    near = [each for each in contacts if abs(each.lateral - lateral) <= SAME_MAGNET]
+    return min(near, key=lambda each: abs(each.lateral - lateral), default=None)
