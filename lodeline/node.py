@@ -7,6 +7,7 @@ neighbours in one process, or over a recording in a test, and sends the same byt
 from __future__ import annotations
 
 import sys
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -78,24 +79,47 @@ class Output(Generic[M]):
         return self if node is None else node.senders[self.name]
 
 
+class Health(Protocol):
+    """How a device fares, in its driver's words: `ok` or not, and the last thing worth telling."""
+
+    @property
+    def state(self) -> str: ...
+    @property
+    def message(self) -> str: ...
+
+
 @dataclass(slots=True)
 class Context:
     """What a node may ask of the place it runs in, and what it tells about itself.
 
-    `state` is `running`, `degraded` (usable, less accurate) or `fault` (not usable).
+    `state` is `running`, `degraded` (usable, less accurate) or `fault` (not usable). `monotonic`
+    [s] is for simulated devices, which live in a time of their own; nothing else needs a clock.
     """
 
     name: str = "node"
     run_folder: Path = field(default_factory=Path)
+    monotonic: Callable[[], float] = time.monotonic
     state: str = "running"
     last_error: str = ""
     rejected: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def sim_socket(self) -> Path:
+        """Where the simulator of this host serves its I2C bus, for `bus: sim`."""
+        return self.run_folder / "i2c.sock"
 
     def report(self, state: str, text: str) -> None:
         """Say how the node fares; logged when it changes."""
         if (state, text) != (self.state, self.last_error) and text:
             print(text, file=sys.stderr, flush=True)
         self.state, self.last_error = state, text or self.last_error
+
+    def follow(self, *parts: Health) -> None:
+        """Report on the parts that a driver is made of: the first that is at fault, or the last."""
+        at_fault = [part for part in parts if part.state != "ok"]
+        told = [part for part in at_fault or parts if part.message]
+        text = told[0].message if told else ""
+        self.report("fault" if at_fault else "running", text)
 
     def reject(self, cause: str) -> None:
         """Count a sample that was refused, by cause."""

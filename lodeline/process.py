@@ -32,7 +32,7 @@ from lodeline.status import StatusReporter
 from lodeline.ticker import Ticker
 from lodeline_msgs import Message, encoding_of
 
-EX_USAGE, EX_SOFTWARE, EX_CONFIG = 64, 70, 78
+EX_USAGE, EX_DEVICE, EX_SOFTWARE, EX_CONFIG = 64, 69, 70, 78
 BEAT_S = 0.2
 STATUS_S = 1.0
 LAYING_S = 5.0
@@ -182,7 +182,14 @@ def _make_node(item: NodeLaunch, kind: type[Node[Any]], folder: Path) -> Node[An
     if problems:
         print(f"CONFIG {item.name}: {problems[0].text}", file=sys.stderr, flush=True)
         sys.exit(EX_CONFIG)
-    return kind(params, Context(name=item.name, run_folder=folder))
+    try:
+        return kind(params, Context(name=item.name, run_folder=folder))
+    except Exception as error:
+        code = EX_DEVICE if isinstance(error, OSError) else getattr(error, "exit_code", None)
+        if code is None:
+            raise
+        print(f"{item.name}: {error}", file=sys.stderr, flush=True)
+        sys.exit(code)
 
 
 def main(types: Mapping[str, type[Node[Any]]] | None = None) -> None:

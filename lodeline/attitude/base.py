@@ -82,6 +82,11 @@ class Attitude(ABC):
     def gyro_bias(self) -> Vector:
         """What the gyro is believed to read at rest [rad/s], body axes."""
 
+    def unbiased(self, angular_velocity: Vector) -> Vector:
+        """Body rates [rad/s] less the bias believed now."""
+        (wx, wy, wz), (bx, by, bz) = angular_velocity, self.gyro_bias
+        return (wx - bx, wy - by, wz - bz)
+
     @property
     @abstractmethod
     def heading_std(self) -> float:
@@ -105,6 +110,23 @@ def check_sample(dt: float, w: Vector, a: Vector, m: Vector | None) -> None:
         raise ValueError(
             f"not a measurement: dt {dt}, angular velocity {w}, acceleration {a}, field {m}"
         )
+
+
+def turned(before: Vector, now: Vector, bias: Vector, dt: float) -> Vector:
+    """Rotation vector [rad] over `dt` [s] between two gyro samples [rad/s], the rate being linear.
+
+    Taking the later sample alone would run half a sample ahead. The cross product is the coning
+    term (Magnus expansion to fourth order in dt).
+    """
+    bx, by, bz = bias
+    ax, ay, az = before[0] - bx, before[1] - by, before[2] - bz
+    cx, cy, cz = now[0] - bx, now[1] - by, now[2] - bz
+    h, k = 0.5 * dt, dt * dt / 12.0
+    return (
+        h * (ax + cx) + k * (ay * cz - az * cy),
+        h * (ay + cy) + k * (az * cx - ax * cz),
+        h * (az + cz) + k * (ax * cy - ay * cx),
+    )
 
 
 def tilt_of(a: Vector) -> Quaternion:

@@ -1,0 +1,67 @@
+"""Attitude: calibrated IMU and magnetic field in, orientation out, by the method named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from lodeline.attitude import METHODS
+from lodeline.attitude.dcm import DcmParams
+from lodeline.attitude.soft import SoftParams
+from lodeline.node import Input, Node, Output
+from lodeline.stamps import Steps
+from lodeline_msgs import AttitudeEstimate, Imu, MagneticField
+
+
+@dataclass(frozen=True, slots=True)
+class AttitudeNodeParams:
+    """The method, and the parameters of each."""
+
+    method: Annotated[Literal["soft", "dcm"], "1"] = "soft"
+    soft: SoftParams = field(default_factory=SoftParams)
+    dcm: DcmParams = field(default_factory=DcmParams)
+
+
+class AttitudeNode(Node[AttitudeNodeParams]):
+    """Starts at once from gravity and north, so a restart costs no time."""
+
+    data = Input(Imu, queue=32, max_age=0.25)
+    mag = Input(MagneticField, queue=4, max_age=0.25)
+    attitude = Output(AttitudeEstimate)
+
+    def setup(self) -> None:
+        method = self.params.method
+        self.filter = METHODS[method](getattr(self.params, method))
+        self.steps = Steps()
+        self.magnetic_field: tuple[float, float, float] | None = None
+
+    @mag.handler
+    def on_mag(self, sample: MagneticField) -> None:
+        self.magnetic_field = sample.magnetic_field
+
+    @data.handler
+    def on_data(self, sample: Imu) -> None:
+        step = self.steps.take(sample.stamp)
+        if step is None:
+            self.context.reject("stamp not newer")
+            return
+        magnetic_field, self.magnetic_field = self.magnetic_field, None
+        self.filter.update(
+            step, sample.angular_velocity, sample.linear_acceleration, magnetic_field
+        )
+        self.attitude.send(
+            AttitudeEstimate(
+                sample.stamp,
+                self.filter.orientation,
+                self.filter.unbiased(sample.angular_velocity),
+                self.filter.gyro_bias,
+                self.filter.heading_std,
+                self.filter.disturbed,
+            )
+        )
+
+
+if __name__ == "__main__":
+    from lodeline.process import run
+
+    run(AttitudeNode)

@@ -1,0 +1,60 @@
+"""A robot to try everything on: drives over the magnet floor, serves its sensors as I2C devices."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from lodeline.node import Driver, Input, Output
+from lodeline.sim.robot import RobotParams, SimulatedRobot
+from lodeline.sim.server import I2cServer
+from lodeline.sim.world import WorldState
+from lodeline_msgs import Odometry, Twist
+
+EXACT = ((0.0,) * 9, (0.0,) * 4, 0.0)  # no covariances, a speed of the moment
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatorParams:
+    """How often the truth is told, and what the robot and its floor are like."""
+
+    rate: Annotated[float, "Hz"] = 50.0
+    robot: RobotParams = field(default_factory=RobotParams)
+
+
+class Simulator(Driver[SimulatorParams]):
+    """Follows its course by itself until someone commands it."""
+
+    State = WorldState
+    cmd_vel = Input(Twist, queue=1, max_age=0.5)
+    truth = Output(Odometry)
+
+    def setup(self) -> None:
+        self.serve(None)
+
+    def serve(self, state: WorldState | None) -> None:
+        self.robot = SimulatedRobot(self.params.robot, self.context.monotonic, state)
+        self.server = I2cServer(self.robot.bus, self.context.sim_socket)
+
+    def close(self) -> None:
+        self.server.close()
+
+    def save(self) -> WorldState:
+        return self.robot.state
+
+    def resume(self, state: WorldState) -> None:
+        self.server.close()
+        self.serve(state)
+
+    @cmd_vel.handler
+    def on_cmd_vel(self, command: Twist) -> None:
+        self.robot.command(command.v, command.w)
+
+    def tick(self, stamp: int) -> None:
+        self.truth.send(Odometry(stamp, *self.robot.truth(), *EXACT))
+
+
+if __name__ == "__main__":
+    from lodeline.process import run
+
+    run(Simulator)
