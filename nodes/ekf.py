@@ -1,0 +1,72 @@
+"""Localisation: odometry and floor magnets fused into one pose with its covariance."""
+
+from __future__ import annotations
+
+from lodeline.ekf import Estimate, Localizer, LocalizerParams, LocalizerState
+from lodeline.node import Input, Node, Output
+from lodeline_msgs import MagnetDetection, Odometry, PoseEstimate
+
+
+class EkfNode(Node[LocalizerParams]):
+    """`odom` and `magnets` in; a `pose` out for each odometry, and at once for a magnet."""
+
+    State = LocalizerState
+    odom = Input(Odometry, queue=64, max_age=0.5)
+    magnets = Input(MagnetDetection, queue=64, max_age=0.5)
+    pose = Output(PoseEstimate)
+
+    def setup(self) -> None:
+        self.localizer = Localizer(self.params)
+
+    @odom.handler
+    def on_odom(self, odom: Odometry) -> None:
+        self._send(
+            self.localizer.odometry(
+                odom.stamp,
+                odom.x,
+                odom.y,
+                odom.yaw,
+                odom.twist_covariance,
+                odom.interval,
+                odom.resets,
+            )
+        )
+
+    @magnets.handler
+    def on_magnets(self, detection: MagnetDetection) -> None:
+        """A reading newer than the odometry waits for it; one without magnets tells no pose."""
+        estimate = self.localizer.magnets(detection.stamp, detection.lateral)
+        self._send(estimate if detection.lateral else None)
+
+    def _send(self, estimate: Estimate | None) -> None:
+        rejected = self.context.rejected
+        rejected["too old"] = self.localizer.late
+        rejected["same stamp"] = self.localizer.duplicates
+        rejected["absurd"] = self.localizer.refused
+        if estimate is None:
+            return
+        rejected["gate"] = estimate.rejected
+        self.pose.send(
+            PoseEstimate(
+                stamp=estimate.stamp_ns,
+                x=estimate.x,
+                y=estimate.y,
+                yaw=estimate.yaw,
+                covariance=estimate.covariance,
+                nis=estimate.nis,
+                rejected=estimate.rejected,
+                ambiguous=estimate.ambiguous,
+            )
+        )
+
+    def save(self) -> LocalizerState:
+        return self.localizer.state
+
+    def resume(self, state: LocalizerState) -> None:
+        self.localizer.resume(state)
+
+
+if __name__ == "__main__":
+    from lodeline.process import run
+
+    run(EkfNode)
