@@ -1,0 +1,197 @@
+"""Reading recordings: channels, metadata, and messages in the order in which they were logged."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple
+
+from mcap.reader import SeekingReader
+from mcap.records import Channel, Schema
+from mcap.summary import Summary
+
+from lodeline.recording import RecordingError
+from lodeline.recording.write import MESSAGE_ENCODING, METADATA
+from lodeline_msgs import MESSAGES, DecodeError, Message, unpack
+
+MAGIC = b"\x89MCAP0\r\n"
+RECORD_LIMIT = 64 << 20
+"""Longest record [bytes] that is believed; a longer one is a damaged length."""
+KEY = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
+
+
+class Sample(NamedTuple):
+    """One message of a recording; `log_time` [ns] is when it was received."""
+
+    key: str
+    message: Message
+    log_time: int
+
+
+class Packed(NamedTuple):
+    """One message as bytes; `stamp` [ns] is when it was published, `log_time` when received."""
+
+    key: str
+    data: bytes
+    stamp: int
+    seq: int
+    log_time: int
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelInfo:
+    """A key of a recording; `type` is None if the class `type_name` is none of ours."""
+
+    key: str
+    type_name: str
+    type: type[Message] | None
+    count: int
+
+
+class Recording:
+    """An MCAP file, open for reading; a context manager.
+
+    Raises RecordingError, from here or while iterating, for what is missing, no MCAP, cut off or
+    damaged. Channels of classes that Lodeline does not know are listed but never read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        _check_ends(path)
+        try:
+            self._stream = path.open("rb")
+        except OSError as error:
+            raise RecordingError(f"{path}: {error.strerror}") from None
+        self.metadata: dict[str, str] = {}
+        self.channels: dict[str, ChannelInfo] = {}
+        try:
+            with self._damage():
+                self._reader = SeekingReader(
+                    self._stream, validate_crcs=True, record_size_limit=RECORD_LIMIT
+                )
+                self._read_summary()
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def __enter__(self) -> Recording:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.close()
+
+    def packed(self, keys: Collection[str] | None = None) -> Iterator[Packed]:
+        """Messages as bytes by log time, those of one time in the order of the file."""
+        ours = {key for key, info in self.channels.items() if info.type is not None}
+        wanted = ours if keys is None else ours & set(keys)
+        if not wanted:
+            return
+        messages = self._reader.iter_messages(topics=wanted)
+        while True:
+            with self._damage():
+                found = next(messages, None)
+            if found is None:
+                return
+            _, channel, message = found
+            yield Packed(
+                channel.topic,
+                message.data,
+                message.publish_time,
+                message.sequence,
+                message.log_time,
+            )
+
+    def samples(self, keys: Collection[str] | None = None) -> Iterator[Sample]:
+        """Messages as objects, in the same order; RecordingError for one that is malformed."""
+        types = {key: info.type for key, info in self.channels.items()}
+        for key, data, _, _, log_time in self.packed(keys):
+            cls = types[key]
+            assert cls is not None  # only known classes are read
+            try:
+                message = unpack(data, cls)
+            except DecodeError as error:
+                raise RecordingError(f"{self.path}: {key} at {log_time} ns: {error}") from None
+            yield Sample(key, message, log_time)
+
+    def _read_summary(self) -> None:
+        summary = self._reader.get_summary()
+        if summary is None or summary.statistics is None:
+            raise RecordingError(f"{self.path} has no index; {_recover(self.path)}")
+        for record in self._reader.iter_metadata():
+            if record.name == METADATA:
+                self.metadata |= record.metadata
+        for channel in summary.channels.values():
+            self._add(channel, summary)
+
+    def _add(self, channel: Channel, summary: Summary) -> None:
+        schema = summary.schemas.get(channel.schema_id)
+        statistics = summary.statistics
+        count = statistics.channel_message_counts.get(channel.id, 0) if statistics else 0
+        info = ChannelInfo(
+            channel.topic, schema.name if schema else "", _class_of(channel, schema), count
+        )
+        before = self.channels.get(channel.topic)
+        if before is not None:
+            if before.type_name != info.type_name:
+                raise RecordingError(
+                    f"{self.path}: {channel.topic} is both {before.type_name} and {info.type_name}"
+                )
+            info = ChannelInfo(info.key, info.type_name, info.type, before.count + count)
+        self.channels[channel.topic] = info
+
+    @contextmanager
+    def _damage(self) -> Iterator[None]:
+        """Whatever the MCAP library raises over a damaged file, as one RecordingError."""
+        try:
+            yield
+        except (RecordingError, MemoryError):
+            raise
+        except Exception as error:
+            what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+            raise RecordingError(
+                f"{self.path} is damaged ({what}); {_recover(self.path)}"
+            ) from error
+
+
+def _class_of(channel: Channel, schema: Schema | None) -> type[Message] | None:
+    if schema is None or channel.message_encoding != MESSAGE_ENCODING:
+        return None
+    return MESSAGES.get(schema.name) if KEY.fullmatch(channel.topic) else None
+
+
+def _check_ends(path: Path) -> None:
+    """RecordingError unless the file begins as MCAP files do and was closed properly."""
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(len(MAGIC))
+            size = stream.seek(0, 2)
+            stream.seek(max(0, size - len(MAGIC)))
+            tail = stream.read()
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: there is no such file") from None
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}") from None
+    if head != MAGIC:
+        raise RecordingError(
+            f"{path} is no MCAP recording (a text file of a robot goes through `lodeline bag "
+            "import`)"
+        )
+    if tail != MAGIC or size < 2 * len(MAGIC):
+        raise RecordingError(f"{path} is cut off: it was never closed; {_recover(path)}")
+
+
+def _recover(path: Path) -> str:
+    return f"save what is whole by `lodeline bag recover {path} -o NEW.mcap`"
