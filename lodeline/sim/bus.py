@@ -8,7 +8,7 @@ import threading
 from collections.abc import Sequence
 from typing import Protocol
 
-from lodeline.i2c import Message
+from lodeline.sim.adapter import Message
 
 
 class Chip(Protocol):

@@ -4,30 +4,25 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 from lodeline.sim.bus import BusModel
 from lodeline.sim.chips.ak8963 import Ak8963Chip
 from lodeline.sim.chips.as5048b import As5048bChip
 from lodeline.sim.chips.mpu9250 import Mpu9250Chip
 from lodeline.sim.chips.pcf8574 import Pcf8574Chip
-from lodeline.sim.sensors import SensorParams, Sensors, turn_of
+from lodeline.sim.params import RobotParams
+from lodeline.sim.sensors import Sensors, turn_of
 from lodeline.sim.world import World, WorldState
+
+__all__ = ["RobotParams", "SimulatedRobot", "Truth", "WorldState"]
 
 IMU_ADDRESS = 0x68
 MAG_ADDRESS = 0x0C
 LEFT_ADDRESS = 0x40
 RIGHT_ADDRESS = 0x41
 BAR_ADDRESS = 0x20
-
-
-@dataclass(frozen=True, slots=True)
-class RobotParams(SensorParams):
-    """Everything about the simulated robot, and how it is wired."""
-
-    left_inverted: Annotated[bool, "1"] = False
-    right_inverted: Annotated[bool, "1"] = False
 
 
 class Truth(NamedTuple):

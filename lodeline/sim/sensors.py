@@ -5,51 +5,19 @@ Functions of the simulation's time [s] that chips sample: SI units, axes of the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import cos, hypot, pi, sin
-from typing import Annotated
 
 from lodeline.sim.noise import Noise
-from lodeline.sim.world import Motion, World, WorldParams, must_be_positive
+from lodeline.sim.params import RobotParams, Vector
+from lodeline.sim.world import Motion, World
 
-Vector = tuple[float, float, float]
-Matrix = tuple[float, float, float, float, float, float, float, float, float]
 MICRO = 1e6  # noise is drawn per microsecond of the simulation
-
-
-@dataclass(frozen=True, slots=True)
-class SensorParams(WorldParams):
-    """The world's parameters and those of its sensors; standard deviations are per sample.
-
-    The magnetometer reads `soft_iron` (3 x 3, row by row) times the local field, plus `hard_iron`.
-    """
-
-    gyro_noise: Annotated[float, "rad/s"] = 0.0017
-    gyro_bias: Annotated[tuple[float, float, float], "rad/s"] = (0.012, -0.008, 0.006)
-    accel_noise: Annotated[float, "m/s^2"] = 0.03
-    accel_bias: Annotated[tuple[float, float, float], "m/s^2"] = (0.0, 0.0, 0.0)
-    mag_noise: Annotated[float, "T"] = 0.5e-6
-    field_strength: Annotated[float, "T"] = 47.0e-6
-    field_dip: Annotated[float, "rad"] = 1.10
-    declination: Annotated[float, "rad"] = 0.0
-    hard_iron: Annotated[tuple[float, float, float], "T"] = (11.5e-6, -1.0e-6, 6.0e-6)
-    soft_iron: Annotated[Matrix, "1"] = (1.06, 0.02, 0.0, 0.02, 0.95, 0.01, 0.0, 0.01, 0.99)
-    temperature: Annotated[float, "degC"] = 27.0
-    encoder_noise: Annotated[float, "rad"] = 0.0005
-    bar_ahead: Annotated[float, "m"] = 0.08
-    reed_pitch: Annotated[float, "m"] = 0.01
-    reed_reach: Annotated[float, "m"] = 0.00825
-    magnet_pitch: Annotated[float, "m"] = 0.055
-
-    def __post_init__(self) -> None:
-        WorldParams.__post_init__(self)
-        must_be_positive(self, "reed_pitch", "reed_reach", "magnet_pitch")
 
 
 class Sensors:
     """Looks at a world with the eyes of its sensors."""
 
-    def __init__(self, params: SensorParams, world: World) -> None:
+    def __init__(self, params: RobotParams, world: World) -> None:
         self._params = params
         self._world = world
         self._gyro_noise = Noise(params.seed, 1)
@@ -119,7 +87,7 @@ def _disturbed(true: Vector, bias: Vector, sd: float, noise: Vector) -> Vector:
     )
 
 
-def _local_field(p: SensorParams) -> Vector:
+def _local_field(p: RobotParams) -> Vector:
     """Return the earth's field [T] in ENU; declination is east of north, dip is downwards."""
     level = p.field_strength * cos(p.field_dip)
     return (

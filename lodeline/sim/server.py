@@ -9,7 +9,7 @@ import socket
 import threading
 from pathlib import Path
 
-from lodeline.i2c import Transfer
+from lodeline.sim.adapter import Transfer
 from lodeline.sim.wire import pack_answer, receive_frame, send_frame, unpack_request
 
 

@@ -15,7 +15,7 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 
-from lodeline.i2c import MAX_LENGTH, MAX_MESSAGES, Message
+from lodeline.sim.adapter import MAX_LENGTH, MAX_MESSAGES, Message
 
 ANSWER_TIMEOUT = 1.0  # s, far more than a transaction takes; then the bus counts as hung
 _FRAME = struct.Struct("!I")
@@ -89,6 +89,11 @@ class SocketTransfer:
         """Connect unless connected; OSError if the simulator is not there."""
         with self._lock:
             self._connected()
+
+    def close(self) -> None:
+        """Hang up; the next transaction would connect again."""
+        with self._lock:
+            self._drop()
 
     def transfer(self, messages: Sequence[Message]) -> list[bytes]:
         """Carry out one transaction. A lost connection fails it at once, the next one connects."""

@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from math import atan2, cos, exp, isfinite, pi, sin, sqrt
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 from lodeline.sim.course import Course
 from lodeline.sim.noise import Noise
+from lodeline.sim.params import RobotParams, Vector
 
 STEP = 0.002  # s
 HISTORY = 1024  # steps that can still be looked at: 2 s, more than any chip holds a sample
@@ -23,42 +24,6 @@ HEADING_GAIN = 4.0  # 1/s
 APPROACH = 8.0  # rad/m, how steeply the robot returns to its course
 MAX_SPEED = 0.5  # m/s and
 MAX_RATE = 4.0  # rad/s, more than which the motors do not give
-
-
-@dataclass(frozen=True, slots=True)
-class WorldParams:
-    """The robot (of the magnet lab) and its floor. Scale and slip are what odometry cannot know.
-
-    A wheel's true radius is `wheel_radius` (1 + its scale error); its grip wanders about that by
-    `slip`, with a memory of `slip_time`. `bump_height` is that of a strip `bump_width` wide across
-    the floor at x = `bump_x`, over which the wheels and the castor behind them climb.
-    """
-
-    seed: Annotated[int, "1"] = 1
-    wheel_radius: Annotated[float, "m"] = 0.0215
-    track: Annotated[float, "m"] = 0.112
-    speed: Annotated[float, "m/s"] = 0.12
-    course_straight: Annotated[float, "m"] = 0.35
-    course_radius: Annotated[float, "m"] = 0.20
-    left_scale_error: Annotated[float, "1"] = 0.0025
-    right_scale_error: Annotated[float, "1"] = -0.001
-    slip: Annotated[float, "1"] = 0.005
-    slip_time: Annotated[float, "s"] = 0.3
-    bump_x: Annotated[float, "m"] = 0.18
-    bump_width: Annotated[float, "m"] = 0.03
-    bump_height: Annotated[float, "m"] = 0.002
-    castor: Annotated[float, "m"] = 0.06
-
-    def __post_init__(self) -> None:
-        lengths = ("wheel_radius", "track", "course_radius", "slip_time", "bump_width", "castor")
-        must_be_positive(self, *lengths)
-
-
-def must_be_positive(params: object, *names: str) -> None:
-    """Raise ValueError at the first of the named parameters that is not above zero."""
-    for name in names:
-        if not getattr(params, name) > 0.0:
-            raise ValueError(f"{name} must be positive, not {getattr(params, name)}")
 
 
 @dataclass(slots=True)
@@ -100,14 +65,14 @@ class Motion(NamedTuple):
     w: float
     left_angle: float
     right_angle: float
-    angular_velocity: tuple[float, float, float]
-    specific_force: tuple[float, float, float]
+    angular_velocity: Vector
+    specific_force: Vector
 
 
 class World:
     """Moves the robot. Times are seconds since the world began."""
 
-    def __init__(self, params: WorldParams, state: WorldState | None = None) -> None:
+    def __init__(self, params: RobotParams, state: WorldState | None = None) -> None:
         self._params = params
         self._course = Course(params.course_straight, params.course_radius)
         self._noise = Noise(params.seed, 0)
@@ -211,7 +176,7 @@ class World:
 
     def _felt(
         self, roll: float, pitch: float, yaw: float, v: float, climb: float
-    ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    ) -> tuple[Vector, Vector]:
         """Return what changed in this step, as angular velocity and specific force in the body."""
         state = self.state
         sr, cr, sp, cp = sin(state.roll), cos(state.roll), sin(state.pitch), cos(state.pitch)
@@ -233,9 +198,7 @@ class World:
         )
         return rates, force
 
-    def _motion(
-        self, rates: tuple[float, float, float], force: tuple[float, float, float]
-    ) -> Motion:
+    def _motion(self, rates: Vector, force: Vector) -> Motion:
         s = self.state
         yaw = atan2(sin(s.yaw), cos(s.yaw))
         return Motion(
