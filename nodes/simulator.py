@@ -11,7 +11,8 @@ from lodeline.sim.server import I2cServer
 from lodeline.sim.world import WorldState
 from lodeline_msgs import Odometry, Twist
 
-EXACT = ((0.0,) * 9, (0.0,) * 4, 0.0)  # no covariances, a speed of the moment
+# What a truth says behind its numbers: no covariances, a speed of the moment.
+EXACT = ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), 0.0)
 
 
 @dataclass(frozen=True, slots=True)
