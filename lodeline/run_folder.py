@@ -1,0 +1,239 @@
+"""Where a running pipeline keeps its sockets and states, and how tools find out what runs.
+
+`BASE/NAME/HOST`, where BASE is LODELINE_RUN, else `$XDG_RUNTIME_DIR/lodeline`, else
+`/tmp/lodeline-UID`. Whoever holds the lock file beside the folder is the pipeline's supervisor;
+the kernel frees the lock when it dies, in whatever way.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+import stat
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import TracebackType
+
+from lodeline.supervisor.guard import kill_marked
+
+VARIABLE = "LODELINE_RUN"
+MANIFEST = "manifest.json"
+STATE = "state"
+MAX_PATH = 76
+"""Bytes of a run folder's path: 31 are left for a socket's name (sun_path holds 107)."""
+LOCK_PATIENCE_S = 0.1
+
+
+class RunFolderError(RuntimeError):
+    """The folder cannot be had, or cannot be trusted."""
+
+
+class AlreadyUpError(RunFolderError):
+    """Another supervisor runs this pipeline on this host."""
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """What is known of a key: its message class, and the node that sends it (None: external)."""
+
+    type: str
+    node: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """What runs in a run folder. `started` [s] is UNIX time; `nodes` gives each its process."""
+
+    name: str
+    hosts: tuple[str, ...]
+    pid: int
+    started: float
+    file: str
+    digest: str
+    clock: str
+    keys: dict[str, Key]
+    nodes: dict[str, str]
+
+    @property
+    def host(self) -> str:
+        """The hosts whose nodes run here, as one word: `robot`, or `laptop+robot`."""
+        return host_word(self.hosts)
+
+
+@dataclass(frozen=True, slots=True)
+class Running:
+    """A pipeline that runs on this machine now."""
+
+    folder: Path
+    manifest: Manifest
+
+
+class RunFolder:
+    """A run folder while its supervisor lives: `with RunFolder(name, hosts) as run: run.path`.
+
+    Raises AlreadyUpError naming pid and time, and RunFolderError for a folder of somebody else.
+    What a predecessor that died without a word left behind, files and processes, is removed.
+    """
+
+    def __init__(self, name: str, hosts: Sequence[str]) -> None:
+        self.path = folder_of(name, hosts)
+        base = self.path.parents[1]
+        _own(base, private=VARIABLE not in os.environ)
+        _own(self.path.parent)
+        self._locks: list[int] = []
+        try:
+            for host in sorted(hosts):
+                self._locks.append(_lock(self.path.parent / f"{host}.lock", f"{name}@{host}"))
+        except BaseException:
+            self._unlock()
+            raise
+        self.leftovers: list[int] = []
+        if (self.path / MANIFEST).exists():
+            self.leftovers = kill_marked(marker_of(self.path))
+        shutil.rmtree(self.path, ignore_errors=True)
+        _own(self.path)
+        _own(self.path / STATE)
+
+    def publish(self, manifest: Manifest) -> None:
+        """Let tools know what runs; the file appears as a whole."""
+        part = self.path / f"{MANIFEST}.part"
+        part.write_text(json.dumps(asdict(manifest)), encoding="utf-8")
+        part.replace(self.path / MANIFEST)
+
+    def close(self) -> None:
+        """Nothing runs here any more; states of nodes stay until the next start."""
+        for entry in self.path.iterdir():
+            if not entry.is_dir():
+                entry.unlink(missing_ok=True)
+        self._unlock()
+
+    def _unlock(self) -> None:
+        for lock in self._locks:
+            os.close(lock)
+        self._locks.clear()
+
+    def __enter__(self) -> RunFolder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def base_folder() -> Path:
+    """The folder of all run folders of this user."""
+    if given := os.environ.get(VARIABLE):
+        return Path(given).absolute()
+    if runtime := os.environ.get("XDG_RUNTIME_DIR"):
+        return Path(runtime) / "lodeline"
+    return Path(f"/tmp/lodeline-{os.geteuid()}")  # noqa: S108 - owner and mode are checked
+
+
+def folder_of(name: str, hosts: Sequence[str]) -> Path:
+    """The run folder of a pipeline on a host, or on a machine that plays several hosts."""
+    base, host = base_folder(), host_word(hosts)
+    # The first part holds the locks, so it must not depend on which hosts are played here.
+    parent = base / name
+    if _length(parent / _short(host)) > MAX_PATH:
+        parent = base / _short(name)
+    folder = parent / host
+    if _length(folder) > MAX_PATH:
+        folder = parent / _short(host)
+    if _length(folder) > MAX_PATH:
+        raise RunFolderError(f"{base} is too long for sockets: set {VARIABLE} to a short path")
+    return folder
+
+
+def host_word(hosts: Sequence[str]) -> str:
+    """Hosts as one word that may stand in a path and in a key."""
+    return "+".join(sorted(hosts))
+
+
+def marker_of(folder: Path) -> str:
+    """Start of the environment entry by which processes of a run folder are known."""
+    return f"NOTIFY_SOCKET={folder}/"
+
+
+def running(name: str | None = None) -> list[Running]:
+    """Pipelines (all, or those called `name`) that run on this machine as this user."""
+    found = [item for item in _manifests() if name in (None, item.manifest.name)]
+    return sorted(found, key=lambda item: (item.manifest.name, item.manifest.host))
+
+
+def _manifests() -> Iterator[Running]:
+    for file in base_folder().glob(f"*/*/{MANIFEST}"):
+        try:
+            values = json.loads(file.read_text(encoding="utf-8"))
+            values["keys"] = {key: Key(**known) for key, known in values["keys"].items()}
+            values["hosts"] = tuple(values["hosts"])
+            manifest = Manifest(**values)
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # gone in this moment, or written by another version
+        if all(_is_locked(file.parents[1] / f"{host}.lock") for host in manifest.hosts):
+            yield Running(file.parent, manifest)
+
+
+def _lock(file: Path, what: str) -> int:
+    """Descriptor that holds the lock while it is open."""
+    lock = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+    deadline = time.monotonic() + LOCK_PATIENCE_S
+    while True:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            break
+        except BlockingIOError:
+            # `running` tests a lock by holding it for an instant: that is no supervisor.
+            if time.monotonic() > deadline:
+                holder = os.pread(lock, 80, 0).decode(errors="replace").strip()
+                os.close(lock)
+                raise AlreadyUpError(f"ALREADY_UP {what}: {holder}; stop it first") from None
+            time.sleep(0.01)
+    os.ftruncate(lock, 0)
+    os.pwrite(lock, f"pid {os.getpid()} since {time.strftime('%Y-%m-%d %H:%M:%S')}".encode(), 0)
+    return lock
+
+
+def _is_locked(file: Path) -> bool:
+    try:
+        lock = os.open(file, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(lock)
+    return False
+
+
+def _own(folder: Path, private: bool = True) -> None:
+    """Make the folder ours alone, or refuse it."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.lstat()
+    except OSError as error:
+        raise RunFolderError(f"cannot make {folder}: {error.strerror}") from None
+    if not stat.S_ISDIR(found.st_mode):
+        raise RunFolderError(f"{folder} is no folder: remove it")
+    if found.st_uid != os.geteuid():
+        raise RunFolderError(f"{folder} belongs to user {found.st_uid}: refused")
+    if private and stat.S_IMODE(found.st_mode) & 0o077:
+        folder.chmod(0o700)
+
+
+def _short(word: str) -> str:
+    return hashlib.sha256(word.encode()).hexdigest()[:8]
+
+
+def _length(path: Path) -> int:
+    return len(os.fsencode(path))

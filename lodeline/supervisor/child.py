@@ -1,0 +1,327 @@
+"""One process and its states, from its first start to its end.
+
+starting -> ready -> running           (READY, then `go`)
+starting, ready, running -> hung       (no word in time: SIGABRT, then SIGKILL)
+any of these -> waiting -> starting    (it died and is started again)
+             -> done, failed           (it ended well, or is given up)
+             -> stopping -> stopped    (SIGTERM, then SIGKILL)
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from lodeline.supervisor.backoff import Backoff
+from lodeline.supervisor.groups import Groups
+from lodeline.supervisor.logs import Console, LogPipe
+from lodeline.supervisor.notify import NotifySocket
+from lodeline.supervisor.plan import Plan, Timing
+from lodeline.supervisor.schedule import grant
+from lodeline.supervisor.usage import Usage
+
+State = Literal[
+    "starting", "ready", "running", "hung", "waiting", "done", "failed", "stopping", "stopped"
+]
+ALIVE = ("starting", "ready", "running", "hung", "stopping")
+OVER = ("done", "failed", "stopped")
+
+EX_USAGE, EX_OSERR, EX_CONFIG = 64, 71, 78
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What all children of a supervisor share. `changed` is called at each change of state."""
+
+    timing: Timing
+    console: Console
+    groups: Groups
+    environment: dict[str, str]
+    prefix: tuple[str, ...]
+    uniform: Callable[[float, float], float]
+    changed: Callable[[], None]
+
+
+class Child:
+    """A process that is kept alive. All but `describe` belongs to the event loop's thread."""
+
+    def __init__(self, plan: Plan, notify: Path, around: Surroundings) -> None:
+        self.plan = plan
+        self.state: State = "waiting"
+        self.linked = False
+        self.released = False
+        self.restarts = 0
+        self.last_exit = ""
+        self.status = ""
+        self.scheduling = ("", "")
+        self.usage = Usage()
+        self.since = time.monotonic()
+        self._around = around
+        self._backoff = Backoff(plan.restart, around.timing.backoff, around.uniform)
+        self._notify = NotifySocket(notify)
+        self._stop = asyncio.Event()
+        self._due = 0.0
+        self._ready_at: float | None = None
+        self._proc: subprocess.Popen[bytes] | None = None
+        self._log: LogPipe | None = None
+        self._tail: list[str] = []
+
+    @property
+    def pid(self) -> int | None:
+        """Its process id while it lives."""
+        return None if self._proc is None else self._proc.pid
+
+    @property
+    def alive(self) -> bool:
+        return self.state in ALIVE
+
+    async def keep(self) -> None:
+        """Start it, and start it again, until it is done, given up or stopped."""
+        loop = asyncio.get_running_loop()
+        loop.add_reader(self._notify.fileno(), self.listen)
+        try:
+            while not self._stop.is_set():
+                delay = self._judge(await self._live())
+                if delay is None:
+                    return
+                try:
+                    await asyncio.wait_for(self._stop.wait(), delay)
+                except TimeoutError:
+                    self.restarts += 1
+            self._become("stopped")
+        finally:
+            loop.remove_reader(self._notify.fileno())
+            self._notify.close()
+
+    def listen(self) -> None:
+        """Take in what it said."""
+        for name, value in self._notify.words(self.pid or 0):
+            if name == "READY" and self.state == "starting":
+                self._ready_at = time.monotonic()
+                self._due = self._ready_at + self._around.timing.watchdog
+                self._become("ready")
+                if self.released:
+                    self.release()
+            elif name == "LINKED" and not self.linked:
+                self.linked = True
+                self._around.changed()
+            elif name == "WATCHDOG" and self.state in ("ready", "running"):
+                self._due = time.monotonic() + self._around.timing.watchdog
+            elif name == "STATUS":
+                self.status = value
+
+    def release(self) -> None:
+        """Let its sources go, now or as soon as it is ready."""
+        self.released = True
+        if self.state == "ready" and self._proc is not None and self._proc.stdin is not None:
+            with contextlib.suppress(OSError):  # it just died
+                os.write(self._proc.stdin.fileno(), b"go\n")
+            self._become("running")
+
+    def check(self, now: float) -> None:
+        """See whether it is late with something, and act."""
+        if not self.alive or now < self._due:
+            return
+        timing, name = self._around.timing, self.plan.name
+        if self.state == "starting":
+            self._abort(f"NOT_READY {name} after {timing.ready:g} s: aborted")
+        elif self.state in ("ready", "running"):
+            self._abort(f"NODE_SILENT {name} for {timing.watchdog:g} s: aborted")
+        else:
+            if self.state == "stopping":
+                self._event(f"KILLED {name}: still there {timing.grace:g} s after SIGTERM")
+            self.kill()
+            self._due = now + timing.grace
+
+    def excuse(self, seconds: float) -> None:
+        """The supervisor itself was held up for so long: that is not its children's fault."""
+        self._due += seconds
+
+    def forbid(self) -> None:
+        """Do not start it any more."""
+        self._stop.set()
+
+    def terminate(self) -> None:
+        """Ask it to end: SIGTERM to its group, which is woken up if somebody stopped it."""
+        if self.alive:
+            self._due = time.monotonic() + self._around.timing.grace
+            self._become("stopping")
+            self._signal_group(signal.SIGTERM)
+            self._signal_group(signal.SIGCONT)
+
+    def kill(self) -> None:
+        """End its whole group now."""
+        self._signal_group(signal.SIGKILL)
+
+    async def _live(self) -> int:
+        """From start to exit; the exit code, or minus the signal that ended it."""
+        ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self.linked = False
+        self._ready_at = None
+        try:
+            proc = self._spawn()
+        except OSError as error:
+            self._event(f"CANNOT_START {self.plan.name}: {error}")
+            return EX_OSERR
+        pidfd = os.pidfd_open(proc.pid)
+        loop = asyncio.get_running_loop()
+        loop.add_reader(pidfd, _resolve, ended)
+        try:
+            await ended
+        finally:
+            loop.remove_reader(pidfd)
+            os.close(pidfd)
+        return self._bury(proc)
+
+    def _spawn(self) -> subprocess.Popen[bytes]:
+        plan, around = self.plan, self._around
+        log = LogPipe(lambda text: around.console.line(plan.name, text), time.monotonic)
+        try:
+            proc = subprocess.Popen(
+                [*around.prefix, *plan.command],
+                bufsize=0,
+                stdin=subprocess.PIPE,
+                stdout=log.writer,
+                stderr=log.writer,
+                env=around.environment
+                | {
+                    "LODELINE_LAUNCH": plan.launch(self.restarts),
+                    "NOTIFY_SOCKET": str(self._notify.path),
+                },
+                start_new_session=True,
+            )
+        except OSError:
+            log.close()
+            raise
+        finally:
+            os.close(log.writer)
+        around.groups.add(proc.pid)
+        assert proc.stdin is not None
+        os.set_blocking(proc.stdin.fileno(), False)
+        first = self.restarts == 0
+        self.scheduling = grant(proc.pid, plan)
+        if first and self.scheduling[1]:
+            self._event(f"NOT_GRANTED {plan.name}: {self.scheduling[1]}")
+        self._proc, self._log = proc, log
+        self.usage = Usage()
+        self.since = time.monotonic()
+        self._due = self.since + around.timing.ready
+        asyncio.get_running_loop().add_reader(log.reader, self._read_log)
+        self._become("starting")
+        return proc
+
+    def _bury(self, proc: subprocess.Popen[bytes]) -> int:
+        """Clear away a process that has ended; its exit code."""
+        # Not yet reaped, its number cannot be another's: now its helpers go.
+        self.kill()
+        self.listen()
+        log, self._log = self._log, None
+        assert log is not None and proc.stdin is not None
+        asyncio.get_running_loop().remove_reader(log.reader)
+        log.drain()
+        log.close()
+        self._tail = list(log.tail)
+        code = proc.wait()
+        proc.stdin.close()
+        self._proc = None
+        self._around.groups.discard(proc.pid)
+        return code
+
+    def _judge(self, code: int) -> float | None:
+        """What an exit means: seconds until the next start, or None."""
+        self.last_exit = word_of(code)
+        now, name = time.monotonic(), self.plan.name
+        if self._stop.is_set():
+            self._become("stopped")
+            return None
+        if code == 0:
+            self._event(f"NODE_DONE {name}")
+            self._become("done")
+            return None
+        ready_for = 0.0 if self._ready_at is None else now - self._ready_at
+        permanent = code in (EX_USAGE, EX_CONFIG)
+        delay = None if permanent else self._backoff.after_exit(now, ready_for)
+        if delay is None:
+            why = "not started again" if permanent else f"given up after start {self.restarts + 1}"
+            self._event(f"NODE_FAILED {name}: {self.last_exit}, {why}", self._tail)
+            self._become("failed")
+            return None
+        text = f"NODE_EXIT {name}: {self.last_exit}, restart {self.restarts + 1} in {delay:.1f} s"
+        self._event(text, self._tail)
+        self._become("waiting")
+        return delay
+
+    def _abort(self, text: str) -> None:
+        self._event(text)
+        self._due = time.monotonic() + self._around.timing.abort
+        self._become("hung")
+        if self._proc is not None:
+            with contextlib.suppress(OSError):
+                os.kill(self._proc.pid, signal.SIGABRT)  # faulthandler shows where it hangs
+
+    def _signal_group(self, number: int) -> None:
+        if self._proc is not None:
+            with contextlib.suppress(OSError):
+                os.killpg(self._proc.pid, number)
+
+    def _read_log(self) -> None:
+        if self._log is not None and not self._log.read() and self._log.ended:
+            asyncio.get_running_loop().remove_reader(self._log.reader)
+
+    def sample(self, now: float) -> None:
+        """Once a second: what it costs, and what of its log was dropped."""
+        if self._proc is not None:
+            self.usage.sample(self._proc.pid, now)
+        if self._log is not None:
+            self._log.report_dropped()
+
+    def describe(self, now: float) -> dict[str, object]:
+        """Its state as plain values; may be called from any thread."""
+        granted, refused = self.scheduling
+        return {
+            "process": self.plan.name,
+            "host": self.plan.host,
+            "nodes": list(self.plan.nodes),
+            "state": self.state,
+            "pid": self.pid,
+            "restarts": self.restarts,
+            "last_exit": self.last_exit,
+            "uptime": round(now - self.since, 3) if self.alive else None,
+            "cpu": round(self.usage.cpu, 4) if self.alive else None,
+            "rss": self.usage.rss if self.alive else None,
+            "scheduling": granted,
+            "refused": refused,
+            "status": self.status,
+        }
+
+    def _event(self, text: str, tail: list[str] | None = None) -> None:
+        self._around.console.event(text)
+        for line in tail or ():
+            self._around.console.event(f"  {self.plan.name} said: {line}")
+
+    def _become(self, state: State) -> None:
+        self.state = state
+        self._around.changed()
+
+
+def _resolve(future: asyncio.Future[None]) -> None:
+    if not future.done():
+        future.set_result(None)
+
+
+def word_of(code: int) -> str:
+    """An exit code in words: `exit 70`, `SIGKILL`."""
+    if code >= 0:
+        return f"exit {code}"
+    try:
+        return signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"

@@ -1,0 +1,111 @@
+"""Show the processes of running pipelines: state, restarts, cost.
+
+Exit codes: 0 shown, 1 a supervisor does not answer, 2 usage, 4 nothing runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+EXIT_FAILED, EXIT_NOTHING = 1, 4
+TIMEOUT_S = 2.0
+HEADINGS = ("PROCESS", "NODES", "STATE", "PID", "RESTARTS", "LAST EXIT", "UPTIME", "CPU", "RSS", "")
+RIGHT = ("PID", "RESTARTS", "UPTIME", "CPU", "RSS")
+
+
+def main(argv: list[str]) -> int:
+    """Run `lodeline ps`; the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="lodeline ps",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--name", help="this pipeline only")
+    parser.add_argument("--json", action="store_true", help="one JSON list on standard output")
+    arguments = parser.parse_args(argv)
+    from lodeline.run_folder import running
+
+    here = running(arguments.name)
+    if not here:
+        what = arguments.name or "no pipeline"
+        print(f"{what} {'does not run' if arguments.name else 'runs'} here", file=sys.stderr)
+        return EXIT_NOTHING
+    reports: dict[str, dict[str, Any]] = {}
+    silent = False
+    for item in here:
+        manifest = item.manifest
+        answers = _ask(item.folder, f"{manifest.name}/@ps/*")
+        for host, report in answers.items():
+            known = {"pipeline": manifest.name, "host": host, "digest": manifest.digest}
+            reports[f"{manifest.name}@{host}"] = known | report
+        if manifest.host not in answers:
+            silent = True
+            who = f"{manifest.name}@{manifest.host}"
+            print(f"{who}: its supervisor, pid {manifest.pid}, is silent", file=sys.stderr)
+    if arguments.json:
+        print(json.dumps(list(reports.values()), indent=2))
+    elif reports:
+        print("\n\n".join(_shown(report) for report in reports.values()))
+    return EXIT_FAILED if silent else 0
+
+
+def _ask(folder: Path, key: str) -> dict[str, dict[str, Any]]:
+    """Reports by host of all supervisors that this hub can reach."""
+    from lodeline.bus import BusError, query
+
+    try:
+        answers = query(folder, key, TIMEOUT_S)
+    except BusError:
+        return {}
+    return {key.rpartition("/")[2]: json.loads(data) for key, data in answers}
+
+
+def _shown(report: dict[str, Any]) -> str:
+    head = f"{report['pipeline']} on {report['host']}: supervisor {report['pid']}, "
+    head += f"up {_duration(report['uptime'])}, pipeline {report['digest']}"
+    rows = [HEADINGS, *(_row(process) for process in report["processes"])]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(HEADINGS))]
+    lines = [
+        "  ".join(
+            word.rjust(width) if name in RIGHT else word.ljust(width)
+            for name, word, width in zip(HEADINGS, row, widths, strict=True)
+        ).rstrip()
+        for row in rows
+    ]
+    return "\n".join((head, *lines))
+
+
+def _row(process: dict[str, Any]) -> tuple[str, ...]:
+    notes = [process["scheduling"], process["status"]]
+    if process["refused"]:
+        notes.append(f"refused: {process['refused']}")
+    return (
+        process["process"],
+        " ".join(process["nodes"]),
+        process["state"],
+        _or_dash(process["pid"]),
+        str(process["restarts"]),
+        process["last_exit"] or "-",
+        "-" if process["uptime"] is None else _duration(process["uptime"]),
+        "-" if process["cpu"] is None else f"{process['cpu']:.1%}",
+        "-" if process["rss"] is None else f"{process['rss'] / 2**20:.0f} MB",
+        ", ".join(note for note in notes if note),
+    )
+
+
+def _or_dash(value: Any) -> str:
+    return "-" if value is None else str(value)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}h{minutes:02d}m" if hours else f"{minutes}m{rest:02d}s"
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

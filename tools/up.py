@@ -1,0 +1,161 @@
+"""Start a pipeline, keep it alive, and stop it in order.
+
+Log lines of all nodes come on standard error. Ctrl-C stops in order, a second one kills. Without
+--host this machine plays all hosts of the pipeline. Exit codes: 0 stopped, 1 failed to start,
+2 usage, 3 invalid pipeline, 5 a required node failed or none is left, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lodeline.pipeline.model import Pipeline
+    from lodeline.run_folder import Manifest
+
+EXIT_FAILED, EXIT_USAGE, EXIT_INVALID = 1, 2, 3
+
+
+def main(argv: list[str]) -> int:
+    """Run `lodeline up`; the exit code."""
+    arguments = _parser().parse_args(argv)
+    from lodeline.pipeline.load import PipelineError, find, load
+
+    try:
+        pipeline = load(find(arguments.file), arguments.set)
+    except PipelineError as error:
+        print(error, file=sys.stderr)
+        return EXIT_INVALID
+    for warning in pipeline.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    hosts = _hosts(pipeline, arguments.host)
+    if not hosts:
+        known = ", ".join(pipeline.hosts)
+        wanted = f"no node of {pipeline.name} runs on host {arguments.host!r}"
+        print(f"{wanted} (hosts: {known})", file=sys.stderr)
+        return EXIT_USAGE
+
+    from lodeline.bus import BusError
+    from lodeline.run_folder import RunFolderError
+
+    try:
+        return _up(pipeline, hosts, arguments.seconds)
+    except (RunFolderError, BusError) as error:
+        print(error, file=sys.stderr)
+        return EXIT_FAILED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="lodeline up",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("file", nargs="?", help="pipeline file or profile (default: pipeline.yaml)")
+    parser.add_argument("--host", help="start this host's share only")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NODE.PARAM=VALUE",
+        help="override a parameter; may be given several times",
+    )
+    parser.add_argument(
+        "--seconds", type=_duration, metavar="N", help="stop N seconds after the sources started"
+    )
+    return parser
+
+
+def _duration(text: str) -> float:
+    seconds = float(text)
+    if not 0.0 <= seconds < float("inf"):
+        raise ValueError(text)
+    return seconds
+
+
+def _hosts(pipeline: Pipeline, wanted: str | None) -> list[str]:
+    """Hosts to play here: those with nodes, all or the wanted one."""
+    return [host for host in pipeline.hosts if wanted in (None, host) and pipeline.processes(host)]
+
+
+def _up(pipeline: Pipeline, hosts: Sequence[str], seconds: float | None) -> int:
+    from lodeline.bus import Hub
+    from lodeline.clock import epoch_offset
+    from lodeline.run_folder import RunFolder, marker_of
+    from lodeline.supervisor.logs import Console
+    from lodeline.supervisor.plan import plans_of
+    from lodeline.supervisor.supervisor import Supervisor
+
+    with RunFolder(pipeline.name, hosts) as run:
+        plans = plans_of(pipeline, hosts, run.path, epoch_offset())
+        console = Console(sys.stderr, [plan.name for plan in plans], _coloured())
+        try:
+            nodes = sum(len(plan.nodes) for plan in plans)
+            size = f"{_count(nodes, 'node')} in {_count(len(plans), 'process', 'es')}"
+            console.event(f"{_shown(pipeline.file)}: {pipeline.name} on {run.path.name}, {size}")
+            if run.leftovers:
+                killed = _count(len(run.leftovers), "process", "es")
+                console.event(f"LEFTOVER {killed} of the last run killed")
+            manifest = _manifest(pipeline, hosts)
+            run.publish(manifest)
+
+            def on_release(elapsed: float) -> None:
+                console.event(f"up in {elapsed:.1f} s: {size}")
+                console.event("look: `lodeline topic hz`, `lodeline ps`; stop: Ctrl-C")
+
+            hub = Hub(run.path)
+            try:
+                supervisor = Supervisor(
+                    plans, run.path, console, [marker_of(run.path)], on_release=on_release
+                )
+                hub.serve(f"{pipeline.name}/@ps/{manifest.host}", supervisor.report)
+                return asyncio.run(supervisor.run(seconds))
+            finally:
+                hub.close(timeout=1.0)
+        finally:
+            console.close()
+
+
+def _manifest(pipeline: Pipeline, hosts: Sequence[str]) -> Manifest:
+    from lodeline.run_folder import Key, Manifest
+
+    senders = {key: spec for spec in pipeline.nodes for key in spec.outputs.values()}
+    return Manifest(
+        name=pipeline.name,
+        hosts=tuple(hosts),
+        pid=os.getpid(),
+        started=time.time(),
+        file=str(pipeline.file.resolve()),
+        digest=pipeline.digest,
+        clock=pipeline.clock,
+        keys={
+            key: Key(kind.__name__, senders[key].name if key in senders else None)
+            for key, kind in pipeline.key_types().items()
+        },
+        nodes={spec.name: spec.process for spec in pipeline.nodes if spec.host in hosts},
+    )
+
+
+def _coloured() -> bool:
+    return sys.stderr.isatty() and not os.environ.get("NO_COLOR")
+
+
+def _shown(file: Path) -> str:
+    """The file as one would type it here."""
+    file, here = file.resolve(), Path.cwd()
+    return str(file.relative_to(here) if file.is_relative_to(here) else file)
+
+
+def _count(number: int, noun: str, plural: str = "s") -> str:
+    return f"{number} {noun}{'' if number == 1 else plural}"
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
