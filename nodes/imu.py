@@ -36,8 +36,10 @@ class ImuDriver(Driver[ImuParams]):
     def tick(self, stamp: int) -> None:
         now = seconds(stamp)
         reading = self.imu.read(now)
-        if reading is not None:
-            self.data_raw.send(Imu(stamp, reading.angular_velocity, reading.linear_acceleration))
+        if reading is None:  # the magnetometer is behind this chip, and cannot answer either
+            self.context.follow(self.imu.health)
+            return
+        self.data_raw.send(Imu(stamp, reading.angular_velocity, reading.linear_acceleration))
         magnetic_field = self.magnetometer.read(now)
         if magnetic_field is not None:
             self.mag_raw.send(MagneticField(stamp, magnetic_field))
