@@ -66,7 +66,8 @@ class Pipeline:
 
     `name` is the first part of every key, `digest` a hash of all that decides what it computes,
     `external` the keys that come from outside the file, `clock` what ages are measured by: the
-    host's time, or the newest stamp seen when the samples come from a recording.
+    host's time, or the newest stamp seen when the samples come from a recording. `warnings` is
+    what is not wrong, but not wise.
     """
 
     name: str
@@ -76,6 +77,7 @@ class Pipeline:
     hosts: dict[str, Host]
     nodes: tuple[NodeSpec, ...]
     external: dict[str, type[Message]]
+    warnings: tuple[str, ...] = ()
 
     def node(self, name: str) -> NodeSpec:
         """The node of that name; KeyError if there is none."""

@@ -1,0 +1,7 @@
+"""`python -m lodeline` is the command `lodeline`."""
+
+import sys
+
+from lodeline.cli import main
+
+sys.exit(main())

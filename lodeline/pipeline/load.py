@@ -1,0 +1,182 @@
+"""A pipeline file read, checked to the last word, and turned into its model."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from lodeline.loading import shipped
+from lodeline.node import Driver, Input, Node
+from lodeline.params import nearest
+from lodeline.pipeline.document import Item, parse, read_file
+from lodeline.pipeline.draft import Draft, DraftNode, Wire, read_draft
+from lodeline.pipeline.faults import Fault, PipelineError, Place
+from lodeline.pipeline.model import Edge, NodeSpec, Pipeline
+from lodeline.pipeline.programs import build_params, load_program
+from lodeline.pipeline.wiring import check_wiring
+from lodeline_msgs import Message
+
+__all__ = ["Fault", "PipelineError", "find", "load"]
+
+DEFAULT = "pipeline.yaml"
+
+
+def find(name_or_path: str | None) -> Path:
+    """The pipeline file that a user means: a path, the name of a shipped profile, or none.
+
+    None is ./pipeline.yaml, or else the pipeline that ships with Lodeline. PipelineError if there
+    is neither a file nor a profile of that name.
+    """
+    if name_or_path is None:
+        here = Path(DEFAULT)
+        return here if here.is_file() else shipped(DEFAULT)
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    profiles = {
+        file.stem.replace("_", "-"): file for file in sorted(shipped("profiles").glob("*.yaml"))
+    }
+    if name_or_path in profiles:
+        return profiles[name_or_path]
+    kind = "is a folder" if path.is_dir() else "is neither a file nor a profile"
+    raise PipelineError([Fault(name_or_path, 0, 0, f"{kind}{nearest(name_or_path, profiles)}")])
+
+
+def load(file: Path, overrides: Sequence[str] = ()) -> Pipeline:
+    """The pipeline in a file, with parameters overridden by `NODE.PARAM=VALUE` (VALUE is YAML).
+
+    Raises PipelineError with everything that is wrong. Importing the node programs is part of it.
+    """
+    if not file.is_file():
+        raise PipelineError([Fault(str(file), 0, 0, "there is no such file")])
+    faults: list[Fault] = []
+    document = read_file(file, faults)
+    for override in overrides:
+        _override(document, override, faults)
+    draft = read_draft(document, faults)
+    folder = file.resolve().parent
+    programs = {
+        node.name: found
+        for node in draft.nodes
+        if (found := load_program(node, folder, faults)) is not None
+    }
+    types = {name: cls for name, (_, cls) in programs.items()}
+    params = {
+        node.name: build_params(node, types[node.name], faults)
+        for node in draft.nodes
+        if node.name in types
+    }
+    order = check_wiring(draft, types, faults)
+    if faults:
+        raise PipelineError(faults)
+    specs = {
+        node.name: _spec(draft.name, node, *programs[node.name], params[node.name])
+        for node in draft.nodes
+    }
+    nodes = tuple(specs[name] for name in order)
+    return Pipeline(
+        name=draft.name,
+        file=file.resolve(),
+        digest=_digest(draft, nodes),
+        clock=draft.clock,
+        hosts=draft.hosts,
+        nodes=nodes,
+        external=_external(draft),
+        warnings=draft.warnings,
+    )
+
+
+def _override(document: Item, text: str, faults: list[Fault]) -> None:
+    """Put the value of a `NODE.PARAM=VALUE` where the file would have it."""
+    place = Place(f"--set {text}")
+    target, equals, value = text.partition("=")
+    name, *path = target.strip().split(".")
+    if not (equals and name and path and all(path)):
+        faults.append(place.fault("must be NODE.PARAM=VALUE"))
+        return
+    top = document.value if isinstance(document.value, dict) else {}
+    nodes = top["nodes"].value if "nodes" in top else None
+    node = nodes.get(name) if isinstance(nodes, dict) else None
+    if node is None or not isinstance(node.value, dict):
+        known = nodes if isinstance(nodes, dict) else {}
+        faults.append(place.fault(f"unknown node {name!r}{nearest(name, known)}"))
+        return
+    try:
+        found = parse(value, lambda _line, _column: place, faults)
+    except PipelineError as error:
+        faults.extend(error.faults)
+        return
+    group = node.value
+    for step in ("params", *path[:-1]):
+        if step not in group or group[step].value is None:
+            group[step] = Item({}, node.place if step == "params" else place, place)
+        if not isinstance(group[step].value, dict):
+            faults.append(place.fault(f"{step} is a single value in the file"))
+            return
+        group = group[step].value
+    group[path[-1]] = found or Item(None, place, place)
+
+
+def _spec(name: str, node: DraftNode, file: Path, cls: type[Node[Any]], params: Any) -> NodeSpec:
+    ports = cls.inputs()
+    return NodeSpec(
+        name=node.name,
+        run=file,
+        host=node.host,
+        process=node.process,
+        type=cls,
+        params=params,
+        inputs={wire.port: _edge(name, wire, ports[wire.port]) for wire in node.inputs},
+        outputs={wire.port: f"{name}/{wire.key}" for wire in node.outputs},
+        rates=node.rates,
+        restart=node.restart or ("always" if issubclass(cls, Driver) else "limited"),
+        required=node.required,
+        priority=node.priority,
+        cpu=node.cpu,
+    )
+
+
+def _edge(name: str, wire: Wire, port: Input[Any]) -> Edge:
+    return Edge(
+        key=f"{name}/{wire.key}",
+        queue=wire.queue or port.queue,
+        max_age=wire.max_age if wire.aged else port.max_age,
+    )
+
+
+def _external(draft: Draft) -> dict[str, type[Message]]:
+    return {
+        f"{draft.name}/{key}": message
+        for key, (message, _) in draft.external.items()
+        if message is not None
+    }
+
+
+def _digest(draft: Draft, nodes: Sequence[NodeSpec]) -> str:
+    """12 hex digits over what decides which samples come out: not comments, paths, priorities."""
+    said = {
+        "name": draft.name,
+        "clock": draft.clock,
+        "external": {
+            key: message.__name__ for key, (message, _) in draft.external.items() if message
+        },
+        "nodes": [
+            {
+                "name": spec.name,
+                "program": hashlib.sha256(spec.run.read_bytes()).hexdigest(),
+                "host": spec.host,
+                "process": spec.process,
+                "params": asdict(spec.params),
+                "inputs": {
+                    port: (edge.key, edge.queue, edge.max_age) for port, edge in spec.inputs.items()
+                },
+                "outputs": spec.outputs,
+            }
+            for spec in nodes
+        ],
+    }
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:12]

@@ -1,0 +1,110 @@
+"""The programs that a pipeline file names: found, imported and asked for ports and parameters."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from lodeline.loading import load_node, shipped
+from lodeline.node import Driver, Node
+from lodeline.params import build, check_class, guess
+from lodeline.pipeline.document import Item
+from lodeline.pipeline.draft import DraftNode
+from lodeline.pipeline.faults import Fault
+
+
+def find_program(run: str, folder: Path) -> Path | None:
+    """The file that `run` names: beside the pipeline file, else among those that ship."""
+    places = [folder / run]
+    parts = Path(run).parts
+    if parts[:1] == ("nodes",):
+        places.append(shipped("nodes").joinpath(*parts[1:]))
+    return next((place.resolve() for place in places if place.is_file()), None)
+
+
+def load_program(
+    node: DraftNode, folder: Path, faults: list[Fault]
+) -> tuple[Path, type[Node[Any]]] | None:
+    """File and node class of a node, or None and the reason among `faults`."""
+    if not node.run:
+        return None
+    file = find_program(node.run, folder)
+    if file is None:
+        known = [f"nodes/{path.name}" for path in sorted(shipped("nodes").glob("*.py"))]
+        known += [str(path.relative_to(folder)) for path in sorted(folder.glob("*/*.py"))]
+        text = f"{node.run} is neither beside this file nor among the nodes that ship"
+        faults.append(node.at("run").fault(f"{text} with Lodeline{guess(node.run, known)}"))
+        return None
+    try:
+        # What a program prints while it is imported must not mix with our own output.
+        with contextlib.redirect_stdout(sys.stderr):
+            found = load_node(file)
+        problems = _class_problems(found)
+    except (Exception, SystemExit) as error:
+        faults.append(node.at("run").fault(_import_failure(error, file, node.run)))
+        return None
+    faults.extend(node.at("run").fault(f"{node.run}: {text}") for text in problems)
+    return None if problems else (file, found)
+
+
+def _import_failure(error: BaseException, file: Path, run: str) -> str:
+    line = error.lineno if isinstance(error, SyntaxError) and error.filename == str(file) else None
+    trace = error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_code.co_filename == str(file):
+            line = line or trace.tb_lineno
+        trace = trace.tb_next
+    text = (str(error).splitlines() or [""])[0]
+    if line is None and isinstance(error, TypeError):
+        return text  # load_node's own words
+    where = f"{run}:{line}" if line else run
+    return f"cannot be imported: {where}: {type(error).__name__}: {text}"
+
+
+def _class_problems(cls: type[Node[Any]]) -> list[str]:
+    """What keeps a node class from being run at all."""
+    try:
+        params = cls.params_type()
+        check_class(params)
+    except (TypeError, NameError) as error:
+        return [str(error)]
+    problems = [
+        f"input port {port.name!r} of {cls.__name__} has no handler"
+        for port in cls.inputs().values()
+        if not port.method
+    ]
+    if issubclass(cls, Driver):
+        if cls.tick is Driver.tick:
+            problems.append(f"driver {cls.__name__} has no tick method")
+        if "rate" not in {item.name for item in fields(params)}:
+            problems.append(f"params of driver {cls.__name__} have no rate")
+    elif not cls.inputs():
+        problems.append(f"{cls.__name__} has no input port and is no Driver: it would never run")
+    return problems
+
+
+def build_params(node: DraftNode, cls: type[Node[Any]], faults: list[Fault]) -> Any:
+    """The node's params, or None and what is wrong with them among `faults`."""
+    item = node.items.get("params") or Item({}, node.place, node.place)
+    if not isinstance(item.value, dict):
+        if item.value is not None:
+            faults.append(item.place.fault("params must be a mapping"))
+            return None
+        item = Item({}, item.place, item.key)
+    params, problems = build(cls.params_type(), item.plain())
+    for problem in problems:
+        place, key = item.place, item.key
+        found = item
+        for step in problem.path:
+            found = found.value[step]
+            place, key = found.place, found.key
+        # Lone words are at their value; what is missing or wrong altogether is at `params`.
+        at = key if problem.at_key or not problem.path else place
+        faults.append(at.fault(problem.text))
+    rate = getattr(params, "rate", 1.0) if issubclass(cls, Driver) else 1.0
+    if isinstance(rate, int | float) and rate <= 0:
+        faults.append(item.key.fault(f"rate of driver {node.name!r} must be positive"))
+    return params
