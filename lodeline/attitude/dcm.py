@@ -54,7 +54,7 @@ class Gains(NamedTuple):
 
 GAINS = {
     "paper": Gains(5.12, 0.256, 1.2, 0.001, 2.0, 0.0, 0.12, 0.2),
-    "tuned": Gains(0.25, 0.0003, 0.2, 0.0003, 0.0, 6.0, 0.0, 0.02),
+    "tuned": Gains(0.3, 0.001, 0.2, 0.0003, 0.0, 6.0, 0.0, 0.02),
 }
 FIELD_TIME = 60.0  # [s] over which the usual field strength is learned
 COMPASS_STD = 0.05  # [rad] error of a compass heading in a calm field
