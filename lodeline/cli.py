@@ -5,14 +5,16 @@ from __future__ import annotations
 import ast
 import importlib.util
 import os
+import select
 import sys
 from pathlib import Path
 from types import ModuleType
 from typing import TextIO
 
 from lodeline.loading import shipped
+from lodeline.pipeline.faults import PipelineError
 
-FAILED, USAGE, INTERRUPTED = 1, 2, 130
+FAILED, USAGE, INVALID, INTERRUPTED = 1, 2, 3, 130
 
 EPILOG = """\
 `lodeline VERB --help` tells more about a verb.
@@ -31,16 +33,19 @@ def main(argv: list[str] | None = None) -> int:
         return code
     except KeyboardInterrupt:
         return INTERRUPTED
+    except PipelineError as error:
+        print(error, file=sys.stderr)
+        return INVALID
     except BrokenPipeError:
         # `lodeline ... | head` is no fault, but a broken socket is one.
-        if not (_is_closed(sys.stdout) or _is_closed(sys.stderr)):
+        if not any([_is_closed(sys.stdout), _is_closed(sys.stderr)]):
             raise
         return FAILED
 
 
 def _run(arguments: list[str]) -> int:
     verbs = {file.stem: file for file in sorted(shipped("tools").glob("*.py"))}
-    if not arguments or arguments[0] in ("-h", "--help", "help"):
+    if not arguments or arguments[0] in ("-h", "--help"):
         print(_help(verbs))
         return 0 if arguments else USAGE
     if arguments[0] in ("-V", "--version"):
@@ -82,11 +87,11 @@ def _load(file: Path) -> ModuleType:
 
 def _is_closed(stream: TextIO) -> bool:
     """Whether nobody reads a stream any more; then what is left for it goes nowhere, quietly."""
-    try:
-        stream.flush()
-    except BrokenPipeError:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, stream.fileno())
-        os.close(nowhere)
-        return True
-    return False
+    ends = select.poll()
+    ends.register(stream.fileno(), 0)  # errors are told unasked
+    if not ends.poll(0):
+        return False
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+    return True

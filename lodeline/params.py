@@ -111,17 +111,17 @@ def build(cls: type[T], values: Mapping[str, Any]) -> tuple[T | None, list[Probl
             problems.append(Problem((name,), text, at_key=True))
             continue
         given[name] = convert(value, hints[name], name, (name,), problems)
-    for name, item in known.items():
-        if name not in values and item.default is MISSING and item.default_factory is MISSING:
-            problems.append(Problem((), f"parameter {name!r} is missing"))
-    wrong = {problem.path[0] for problem in problems if problem.path}
+    missing = [
+        Problem((), f"parameter {name!r} is missing")
+        for name, item in known.items()
+        if name not in values and item.default is MISSING and item.default_factory is MISSING
+    ]
+    if missing:
+        return None, problems + missing
+    wrong = {problem.path[0] for problem in problems}
     try:
         made = cls(**{name: value for name, value in given.items() if name not in wrong})
-    except TypeError:
-        if not problems:
-            raise
-        return None, problems  # a parameter without a default is missing
-    except (ValueError, ArithmeticError) as error:
+    except (ValueError, TypeError, ArithmeticError) as error:
         named = [word for word in re.findall(r"\w+", str(error)) if word in known]
         # Beside other problems only what concerns one good value is sure to be a fault.
         if not problems or (len(set(named)) == 1 and named[0] in given.keys() - wrong):

@@ -60,6 +60,14 @@ Locate = Callable[[int, int], Place]
 """Place of a line and column that count from 0."""
 
 
+def is_file(path: Path) -> bool:
+    """Whether a path, however odd, leads to a file."""
+    try:
+        return path.is_file()
+    except OSError:  # a name too long, a folder that may not be read
+        return False
+
+
 def read_file(file: Path, faults: list[Fault]) -> Item:
     """The document in a file; PipelineError where nothing can be read at all."""
     whole = Place(str(file))

@@ -12,7 +12,7 @@ from typing import Any
 from lodeline.loading import shipped
 from lodeline.node import Driver, Input, Node
 from lodeline.params import nearest
-from lodeline.pipeline.document import Item, parse, read_file
+from lodeline.pipeline.document import Item, is_file, parse, read_file
 from lodeline.pipeline.draft import Draft, DraftNode, Wire, read_draft
 from lodeline.pipeline.faults import Fault, PipelineError, Place
 from lodeline.pipeline.model import Edge, NodeSpec, Pipeline
@@ -33,17 +33,17 @@ def find(name_or_path: str | None) -> Path:
     """
     if name_or_path is None:
         here = Path(DEFAULT)
-        return here if here.is_file() else shipped(DEFAULT)
+        return here if is_file(here) else shipped(DEFAULT)
     path = Path(name_or_path)
-    if path.is_file():
+    if is_file(path):
         return path
     profiles = {
         file.stem.replace("_", "-"): file for file in sorted(shipped("profiles").glob("*.yaml"))
     }
     if name_or_path in profiles:
         return profiles[name_or_path]
-    kind = "is a folder" if path.is_dir() else "is neither a file nor a profile"
-    raise PipelineError([Fault(name_or_path, 0, 0, f"{kind}{nearest(name_or_path, profiles)}")])
+    text = f"is neither a file nor a profile{nearest(name_or_path, profiles)}"
+    raise PipelineError([Fault(name_or_path, 0, 0, text)])
 
 
 def load(file: Path, overrides: Sequence[str] = ()) -> Pipeline:
@@ -51,7 +51,7 @@ def load(file: Path, overrides: Sequence[str] = ()) -> Pipeline:
 
     Raises PipelineError with everything that is wrong. Importing the node programs is part of it.
     """
-    if not file.is_file():
+    if not is_file(file):
         raise PipelineError([Fault(str(file), 0, 0, "there is no such file")])
     faults: list[Fault] = []
     document = read_file(file, faults)
@@ -126,7 +126,7 @@ def _spec(name: str, node: DraftNode, file: Path, cls: type[Node[Any]], params: 
     return NodeSpec(
         name=node.name,
         run=file,
-        host=node.host,
+        host=node.host or "",
         process=node.process,
         type=cls,
         params=params,
@@ -151,7 +151,7 @@ def _edge(name: str, wire: Wire, port: Input[Any]) -> Edge:
 def _external(draft: Draft) -> dict[str, type[Message]]:
     return {
         f"{draft.name}/{key}": message
-        for key, (message, _) in draft.external.items()
+        for key, message in draft.external.items()
         if message is not None
     }
 
@@ -161,9 +161,7 @@ def _digest(draft: Draft, nodes: Sequence[NodeSpec]) -> str:
     said = {
         "name": draft.name,
         "clock": draft.clock,
-        "external": {
-            key: message.__name__ for key, (message, _) in draft.external.items() if message
-        },
+        "external": {key: message.__name__ for key, message in draft.external.items() if message},
         "nodes": [
             {
                 "name": spec.name,

@@ -10,10 +10,10 @@ from typing import Any
 
 from lodeline.loading import load_node, shipped
 from lodeline.node import Driver, Node
-from lodeline.params import build, check_class, guess
-from lodeline.pipeline.document import Item
+from lodeline.params import Problem, build, check_class, guess, shown
+from lodeline.pipeline.document import Item, is_file
 from lodeline.pipeline.draft import DraftNode
-from lodeline.pipeline.faults import Fault
+from lodeline.pipeline.faults import Fault, Place
 
 
 def find_program(run: str, folder: Path) -> Path | None:
@@ -22,7 +22,7 @@ def find_program(run: str, folder: Path) -> Path | None:
     parts = Path(run).parts
     if parts[:1] == ("nodes",):
         places.append(shipped("nodes").joinpath(*parts[1:]))
-    return next((place.resolve() for place in places if place.is_file()), None)
+    return next((place.resolve() for place in places if is_file(place)), None)
 
 
 def load_program(
@@ -89,22 +89,24 @@ def _class_problems(cls: type[Node[Any]]) -> list[str]:
 def build_params(node: DraftNode, cls: type[Node[Any]], faults: list[Fault]) -> Any:
     """The node's params, or None and what is wrong with them among `faults`."""
     item = node.items.get("params") or Item({}, node.place, node.place)
-    if not isinstance(item.value, dict):
-        if item.value is not None:
-            faults.append(item.place.fault("params must be a mapping"))
-            return None
+    if item.value is None:
         item = Item({}, item.place, item.key)
+    if not isinstance(item.value, dict):
+        text = f"params must be a mapping, got {shown(item.plain())}"
+        faults.append(item.place.fault(text))
+        return None
     params, problems = build(cls.params_type(), item.plain())
-    for problem in problems:
-        place, key = item.place, item.key
-        found = item
-        for step in problem.path:
-            found = found.value[step]
-            place, key = found.place, found.key
-        # Lone words are at their value; what is missing or wrong altogether is at `params`.
-        at = key if problem.at_key or not problem.path else place
-        faults.append(at.fault(problem.text))
     rate = getattr(params, "rate", 1.0) if issubclass(cls, Driver) else 1.0
-    if isinstance(rate, int | float) and rate <= 0:
-        faults.append(item.key.fault(f"rate of driver {node.name!r} must be positive"))
+    if rate <= 0:
+        blamed = ("rate",) if "rate" in item.value else ()
+        problems.append(Problem(blamed, f"rate of a driver must be positive, got {rate:g}"))
+    faults.extend(_place(item, problem).fault(problem.text) for problem in problems)
     return params
+
+
+def _place(item: Item, problem: Problem) -> Place:
+    """A wrong value is where it stands; a wrong name, or a group, where its key stands."""
+    for step in problem.path:
+        item = item.value[step]
+    group = isinstance(item.value, dict)
+    return item.key if problem.at_key or group else item.place

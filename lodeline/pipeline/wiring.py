@@ -39,7 +39,7 @@ def check_wiring(draft: Draft, types: Types, faults: list[Fault]) -> list[str]:
 
 
 def _sources(draft: Draft, types: Types, faults: list[Fault]) -> dict[str, Source]:
-    sources = {key: Source(None, message) for key, (message, _) in draft.external.items()}
+    sources = {key: Source(None, message) for key, message in draft.external.items()}
     for node in draft.nodes:
         ports = types[node.name].outputs() if node.name in types else {}
         for wire in node.outputs:
@@ -128,7 +128,7 @@ def _check_processes(draft: Draft, faults: list[Fault]) -> None:
             continue
         place = node.at("process")
         text = f"nodes {leader.name!r} and {node.name!r} share process {node.process!r}"
-        if leader.host != node.host:
+        if leader.host and node.host and leader.host != node.host:
             faults.append(
                 place.fault(f"{text}, but run on hosts {leader.host!r} and {node.host!r}")
             )

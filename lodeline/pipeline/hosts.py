@@ -1,0 +1,56 @@
+"""The hosts of a pipeline file and the addresses by which they reach each other."""
+
+from __future__ import annotations
+
+import re
+
+from lodeline.pipeline.document import Item
+from lodeline.pipeline.model import Host
+from lodeline.pipeline.shape import Shape
+
+DEFAULT = "robot"
+_ADDRESS = re.compile(r"((tcp|tls)/)?(\[[0-9a-fA-F:]+\]|[A-Za-z0-9.-]+)(:[0-9]{1,5})?")
+_LOOPBACK = re.compile(r"(tcp/)?(127\.[0-9.]+|\[::1\]|localhost)(:[0-9]+)?")
+
+
+def read_hosts(shape: Shape, item: Item | None, warnings: list[str]) -> dict[str, Host]:
+    """Hosts by name; one without an address if the file names none."""
+    if item is None or item.value is None:
+        return {DEFAULT: Host(DEFAULT)}
+    members = shape.mapping(item, "hosts")
+    if item.value == {}:
+        shape.fault(item.place, "hosts names no host")
+    alone = len(members) == 1
+    hosts = {name: _host(shape, name, each, alone, warnings) for name, each in members.items()}
+    addressed = [host for host in hosts.values() if host.listen or host.connect]
+    if len(addressed) > 1 and not any(host.listen for host in addressed):
+        shape.fault(item.key, "no host listens, so the hosts cannot reach each other")
+    return hosts
+
+
+def _host(shape: Shape, name: str, item: Item, alone: bool, warnings: list[str]) -> Host:
+    shape.name(name, item.key, "host")
+    what = f"host {name!r}"
+    ways = shape.mapping(item, what, ("listen", "connect"))
+    listen = _address(shape, ways.get("listen"), "listen")
+    connect = _address(shape, ways.get("connect"), "connect")
+    if len(ways) > 1:
+        shape.fault(item.key, f"{what} can listen or connect, not both")
+    elif not alone and item.value in (None, {}):
+        text = f"{what} has no address, write `listen: ...` or `connect: ...`"
+        shape.fault(item.key, text)
+    if listen and not listen.startswith("tls/") and not _LOOPBACK.fullmatch(listen):
+        text = f"{what} listens on {listen} without tls: anyone on that network can read and send"
+        warnings.append(str(ways["listen"].place.fault(text)))
+    return Host(name, listen, connect)
+
+
+def _address(shape: Shape, item: Item | None, what: str) -> str | None:
+    text: str | None = shape.value(item, str, what)
+    if item is None or text is None:
+        return None
+    parts = _ADDRESS.fullmatch(text)
+    if parts is None or (parts[4] and not 0 < int(parts[4][1:]) < 65536):
+        shape.fault(item.place, f"{what} must be [tcp/|tls/]ADDRESS[:PORT], got {text!r}")
+        return None
+    return text
