@@ -1,0 +1,44 @@
+"""A simulated robot on a bus that can be made to fail, with a clock that tests turn."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from lodeline.i2c import Bus, open_model
+from lodeline.sim.adapter import Message
+from lodeline.sim.params import RobotParams
+from lodeline.sim.robot import SimulatedRobot
+
+T = TypeVar("T")
+
+
+class Rig:
+    """`fail(address)` says with which errno a transaction fails (0: not at all)."""
+
+    def __init__(self, params: RobotParams) -> None:
+        self.now = 0.0
+        self.fail: Callable[[int], int] = lambda address: 0
+        self.transactions = 0
+        self.robot = SimulatedRobot(params, lambda: self.now)
+        self.bus: Bus = open_model(self)
+
+    def transfer(self, messages: Sequence[Message]) -> list[bytes]:
+        """Stand between the driver's bus and the robot's."""
+        self.transactions += 1
+        number = self.fail(messages[0].address)
+        if number:
+            raise OSError(number, os.strerror(number))
+        return self.robot.bus.transfer(messages)
+
+    def run(self, seconds: float, rate: float, read: Callable[[float], T]) -> list[tuple[float, T]]:
+        """Read `rate` times a second for some seconds; (time, what was read)."""
+        begin, got = self.now, []
+        for i in range(1, round(seconds * rate) + 1):
+            self.now = begin + i / rate
+            got.append((self.now, read(self.now)))
+        return got
+
+
+MakeRig = Callable[..., Rig]

@@ -1,0 +1,150 @@
+"""The encoders' driver: cumulative counts that never jump."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lodeline.devices.as5048b import TURN, Counter, Encoders, EncodersParams
+from tests.devices.rig import MakeRig
+
+PER_RADIAN = TURN / (2.0 * pi)
+
+
+@given(
+    start=st.integers(0, TURN - 1),
+    steps=st.lists(st.integers(-TURN // 2 + 400, TURN // 2 - 400), max_size=60),
+)
+def test_the_count_is_the_sum_of_all_steps_over_any_roll_over(start: int, steps: list[int]) -> None:
+    counter, angle = Counter(), start
+    counter.update(0.0, angle)
+    # in one instant there is no speed to expect more steps from
+    for step in steps:
+        angle = (angle + step) % TURN
+        assert counter.update(0.0, angle)
+    assert counter.count == sum(steps)
+
+
+@pytest.mark.parametrize("speed", [30000, -30000, 3000, 0])
+def test_a_steady_wheel_is_counted_through_roll_overs_and_gaps(speed: int) -> None:
+    counter = Counter()
+    times = [0.01 * i for i in range(200)] + [2.9 + 0.01 * i for i in range(100)]  # gap: 0.91 s
+    for now in times:
+        assert counter.update(now, round(speed * now) % TURN)
+    assert counter.count == pytest.approx(speed * times[-1], abs=1)
+
+
+def test_after_a_longer_gap_the_count_starts_from_zero() -> None:
+    counter = Counter()
+    for i in range(100):
+        counter.update(0.01 * i, 100 * i)
+    assert counter.count == 9900
+    assert not counter.update(2.5, 5000)
+    assert counter.count == 0
+    assert counter.update(2.51, 5010)
+    assert counter.count == 10
+
+
+def test_counts_follow_the_wheels_both_ways_without_a_jump(rig: MakeRig) -> None:
+    bench = rig(encoder_noise=0.0)
+    encoders = Encoders(bench.bus)
+
+    def read(now: float) -> tuple[tuple[int, int] | None, float, float]:
+        bench.robot.command(0.4 if now < 4.0 else -0.4, 0.5)
+        counts = encoders.read(now)
+        state = bench.robot.state
+        return counts, state.left_angle, state.right_angle
+
+    last = (0, 0)
+    for _, (counts, left, right) in bench.run(8.0, 100.0, read):
+        assert counts is not None
+        assert abs(counts[0] - last[0]) < 1000
+        assert abs(counts[1] - last[1]) < 1000
+        assert counts == pytest.approx((left * PER_RADIAN, right * PER_RADIAN), abs=60)
+        last = counts
+    assert bench.robot.state.left_angle < 20.0, "it went forward and came back"
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_an_inverted_encoder_counts_forward_all_the_same(rig: MakeRig, side: str) -> None:
+    bench = rig(**{f"{side}_inverted": True})
+    encoders = Encoders(bench.bus, EncodersParams(**{f"{side}_inverted": True}))
+    counts = bench.run(3.0, 100.0, encoders.read)[-1][1]
+    plain = rig()
+    reference = plain.run(3.0, 100.0, Encoders(plain.bus).read)[-1][1]
+    assert counts == pytest.approx(reference, abs=5)
+    assert counts is not None
+    assert min(counts) > 10000
+
+
+def test_a_failed_read_drops_the_sample_and_loses_no_way(rig: MakeRig) -> None:
+    bench = rig(encoder_noise=0.0)
+    encoders = Encoders(bench.bus)
+    bench.run(2.0, 100.0, encoders.read)
+    bench.fail = lambda address: 121 if address == 0x41 else 0
+    got = bench.run(0.05, 100.0, encoders.read)
+    assert [counts for _, counts in got] == [None] * 5
+    assert encoders.health.failed == 5
+    bench.fail = lambda address: 0
+    counts = bench.run(0.01, 100.0, encoders.read)[0][1]
+    state = bench.robot.state
+    assert counts == pytest.approx(
+        (state.left_angle * PER_RADIAN, state.right_angle * PER_RADIAN), abs=60
+    )
+
+
+def test_a_bus_gone_for_a_second_costs_no_way(rig: MakeRig) -> None:
+    bench = rig(slip=0.0)
+    encoders = Encoders(bench.bus)
+    bench.run(2.0, 100.0, encoders.read)
+    bench.fail = lambda address: 121
+    bench.run(0.5, 100.0, encoders.read)
+    assert encoders.health.state == "fault"
+    assert encoders.health.message == (
+        "I2C_GONE encoders left: no answer at 0x40 on bus model (errno 121) - check cable and power"
+    )
+    bench.fail = lambda address: 0
+    got = bench.run(0.8, 100.0, encoders.read)
+    silence = sum(counts is None for _, counts in got) / 100.0
+    assert silence < 0.4, "the encoders were tried again before a second was over"
+    assert encoders.health.recovered == 2
+    state = bench.robot.state
+    assert got[-1][1] == pytest.approx(
+        (state.left_angle * PER_RADIAN, state.right_angle * PER_RADIAN), abs=100
+    )
+
+
+def test_after_a_long_silence_both_counts_start_from_zero_together(rig: MakeRig) -> None:
+    bench = rig()
+    encoders = Encoders(bench.bus)
+    bench.run(2.0, 100.0, encoders.read)
+    bench.fail = lambda address: 121 if address == 0x40 else 0
+    bench.run(4.0, 100.0, encoders.read)
+    bench.fail = lambda address: 0
+    got = [counts for _, counts in bench.run(2.5, 100.0, encoders.read) if counts is not None]
+    assert got[0] == (0, 0), "what odometry takes for a new reference"
+    assert encoders.health.message.startswith("ENC_GAP encoders left: silent for over 1 s")
+    assert all(0 <= b[0] - a[0] < 400 for a, b in pairwise(got))
+
+
+@pytest.mark.parametrize(
+    ("flags", "text", "valid"),
+    [
+        (0x05, "magnet too near", True),
+        (0x09, "magnet too far", True),
+        (0x03, "angle not valid", False),
+    ],
+)
+def test_a_badly_seated_magnet_is_told(rig: MakeRig, flags: int, text: str, valid: bool) -> None:
+    bench = rig()
+    encoders = Encoders(bench.bus)
+    bench.run(0.2, 100.0, encoders.read)
+    bench.robot.left.flags = flags
+    got = bench.run(1.0, 100.0, encoders.read)
+    assert encoders.health.message == f"ENC_MAGNET encoders left: {text}"
+    assert encoders.health.events == 1, "said once"
+    assert (got[-1][1] is not None) is valid
