@@ -7,7 +7,7 @@ quaternion in ENU/FLU. Nothing here reads a clock: `dt` is an argument.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from math import asin, atan2, hypot, pi, sqrt
+from math import atan2, hypot, pi, sqrt
 from typing import Annotated, Any, ClassVar, Self
 
 from lodeline.rotation import (
@@ -98,6 +98,13 @@ class Attitude(ABC):
         """True while the magnetic field is not the earth's, as far as the method can tell."""
 
 
+def positive(**values: float) -> None:
+    """Raise ValueError, naming the parameter, unless all values are above zero."""
+    for name, value in values.items():
+        if not value > 0.0:
+            raise ValueError(f"{name} must be above zero, got {value}")
+
+
 def check_sample(dt: float, w: Vector, a: Vector, m: Vector | None) -> None:
     """Raise ValueError unless dt >= 0 and all numbers are finite and below 1e6 (SI)."""
     wx, wy, wz = w
@@ -150,13 +157,6 @@ def first_fix(a: Vector, m: Vector | None, declination: float) -> Quaternion:
         return tilt
     yaw = north_yaw(rotate(tilt, m), declination)
     return multiply(from_euler(0.0, 0.0, yaw), tilt)
-
-
-def norm_and_dip(level_field: Vector) -> tuple[float, float]:
-    """Strength [T] and dip [rad, positive downwards as in the north] of a field in level axes."""
-    x, y, z = level_field
-    norm = sqrt(x * x + y * y + z * z)
-    return norm, (-asin(max(-1.0, min(1.0, z / norm))) if norm > 0.0 else 0.0)
 
 
 def aged_variance(variance: float, dt: float, drift: float) -> float:

@@ -15,14 +15,14 @@ from lodeline.attitude.base import (
     FAINTEST_FIELD,
     UNKNOWN_HEADING,
     Attitude,
-    AttitudeParams,
     aged_variance,
     check_sample,
-    norm_and_dip,
     north_yaw,
+    positive,
     turned,
 )
-from lodeline.rotation import Quaternion, Vector, from_rotation_vector, multiply, rotate
+from lodeline.attitude.field import HOPELESS, FieldParams, FieldState, weigh
+from lodeline.rotation import Quaternion, Vector, from_rotation_vector, multiply, rotate, wrap_angle
 
 _ZERO: Vector = (0.0, 0.0, 0.0)
 COMPASS_STD = 0.035  # [rad] what is left of heading error in a calm field
@@ -30,28 +30,29 @@ BIAS_AT_START = 0.0087  # [rad/s] half a degree per second
 BIAS_AT_REST = 0.0005  # [rad/s] one look at the bias, averaged over REST_MEAN_TIME
 BIAS_WALK = 0.00006  # [rad/s/sqrt(s)]
 LARGEST_BIAS = 0.1  # [rad/s] a steadier turn than this is no rest
+CLEAR_TURN = 0.3  # [rad] that a compass tells from standing still
 REST_MEAN_TIME = 0.5  # [s]
 
 
 @dataclass(frozen=True, slots=True)
-class SoftParams(AttitudeParams):
+class SoftParams(FieldParams):
     """Time constants and tolerances; each a physical quantity of the sensor or the place."""
 
     # What the stamp is late by: the delay of the chip's own low-pass (MPU-9250 at 92 Hz: 3.9 ms).
     latency: Annotated[float, "s"] = 0.004
     tilt_time: Annotated[float, "s"] = 3.0
     heading_time: Annotated[float, "s"] = 7.0
-    norm_tolerance: Annotated[float, "1"] = 0.045  # relative to the strength learned
-    dip_tolerance: Annotated[float, "rad"] = 0.14
-    learn_time: Annotated[float, "s"] = 5.0
-    reference_time: Annotated[float, "s"] = 60.0
     rest_rate: Annotated[float, "rad/s"] = 0.035
     rest_acceleration: Annotated[float, "m/s^2"] = 0.5
     rest_time: Annotated[float, "s"] = 1.5
 
+    def __post_init__(self) -> None:
+        FieldParams.__post_init__(self)
+        positive(tilt_time=self.tilt_time, heading_time=self.heading_time)
+
 
 @dataclass(slots=True)
-class SoftState:
+class SoftState(FieldState):
     """Everything between two samples. I is the frame the gyro integrates in, E is level."""
 
     started: bool = False
@@ -66,12 +67,10 @@ class SoftState:
     rate: Vector = _ZERO  # the last sample of the gyro
     mean_rate: Vector = _ZERO
     mean_force: Vector = _ZERO
-    still: float = 0.0
-    field_age: float = -1.0  # of the field reference, negative before the first field
+    still: float = 0.0  # how long it has rested [s]
+    still_north: float = 0.0  # where north was in E as the rest began [rad]
     field_wait: float = 0.0  # since the last magnetometer sample
-    field_norm: float = 0.0
-    field_dip: float = 0.0
-    weight: float = 0.0
+    north: float = 0.0  # heading by the last field [rad]
     heading_variance: float = UNKNOWN_HEADING * UNKNOWN_HEADING
 
 
@@ -133,14 +132,41 @@ class Soft(Attitude):
         ):
             s.still = 0.0
             return
+        if s.still == 0.0:
+            s.still_north = s.north
         s.still += dt
-        if s.still >= p.rest_time:
+        if s.still >= p.rest_time and not self._turning_steadily():
             # one independent look at the bias per REST_MEAN_TIME
             gain = s.bias_variance / (s.bias_variance + BIAS_AT_REST * BIAS_AT_REST)
             gain *= min(1.0, dt / REST_MEAN_TIME)
             bx, by, bz = s.bias
             s.bias = (bx + gain * (mwx - bx), by + gain * (mwy - by), bz + gain * (mwz - bz))
             s.bias_variance *= 1.0 - gain
+
+    def _turning_steadily(self) -> bool:
+        """True while what looks like rest may be a smooth arc driven at a steady rate.
+
+        Only about the vertical can a body turn for long without the accelerometer noticing. A rate
+        there that the bias known so far does not explain is believed to be bias only when the
+        compass stood still meanwhile: then north has turned away in the frame of the gyro.
+        """
+        s = self._state
+        (wx, wy, wz), (bx, by, bz), (fx, fy, fz) = s.mean_rate, s.bias, s.mean_force
+        force = sqrt(fx * fx + fy * fy + fz * fz)
+        if force == 0.0:
+            return True
+        rate = ((wx - bx) * fx + (wy - by) * fy + (wz - bz) * fz) / force
+        expected = s.bias_variance + BIAS_AT_REST * BIAS_AT_REST
+        if rate * rate < 16.0 * expected:
+            return False
+        turn = wrap_angle(rate * s.still)
+        if s.field_age < 0.0 or abs(turn) < CLEAR_TURN:
+            return True
+        away = (s.still_north - s.north + pi) % (2.0 * pi) - pi
+        if abs(wrap_angle(away - turn)) > 0.5 * CLEAR_TURN:
+            return True
+        s.bias_variance = rate * rate
+        return False
 
     def _level(self, dt: float, force: Vector) -> None:
         """Low-pass the specific force in I and stand the result upright in E."""
@@ -171,25 +197,17 @@ class Soft(Attitude):
     def _point_north(self, dt: float, field: Vector) -> None:
         """Turn the heading towards north as far as the field (level axes) can be believed."""
         s, p = self._state, self.params
-        norm, dip = norm_and_dip(field)
-        off = north_yaw(field, p.declination)
-        if s.field_age < 0.0:  # first field: point there at once
-            s.field_age, s.field_norm, s.field_dip, s.weight = 0.0, norm, dip, 1.0
-            s.heading, s.heading_variance = off, COMPASS_STD * COMPASS_STD
+        s.north = north = north_yaw(field, p.declination)
+        first = s.field_age < 0.0
+        wx, wy, wz = s.rate
+        doubted = weigh(s, p, dt, field, sqrt(wx * wx + wy * wy + wz * wz))
+        if first:  # point there at once
+            s.heading, s.heading_variance = north, COMPASS_STD * COMPASS_STD
             return
-        s.field_age += dt
-        off = (off - s.heading + pi) % (2.0 * pi) - pi
-        a = (norm / s.field_norm - 1.0) / p.norm_tolerance
-        b = (dip - s.field_dip) / p.dip_tolerance
-        w = 1.0 / (1.0 + a * a + b * b)
-        s.weight = w = w * w
-        if s.field_age < p.learn_time:  # a running mean
-            share = dt / s.field_age if dt > 0.0 else 0.0
-        else:
-            share = min(1.0, w * dt / p.reference_time)
-        s.field_norm += share * (norm - s.field_norm)
-        s.field_dip += share * (dip - s.field_dip)
-        gain = min(1.0, w * dt / min(p.heading_time, s.field_age + 1e-9))
+        off = (north - s.heading + pi) % (2.0 * pi) - pi
+        if doubted:
+            s.heading_variance = max(s.heading_variance, off * off)
+        gain = min(1.0, s.weight * dt / min(p.heading_time, s.field_age + 1e-9))
         s.heading += gain * off
         s.heading_variance += gain * (COMPASS_STD * COMPASS_STD - s.heading_variance)
 
@@ -216,8 +234,8 @@ class Soft(Attitude):
 
     @property
     def disturbed(self) -> bool:
-        """True while the field has less than a quarter of its say."""
-        return self._state.field_age >= 0.0 and self._state.weight < 0.25
+        """True while strength or dip of the field are those of another place, or of a magnet."""
+        return self._state.field_age >= 0.0 and self._state.weight < HOPELESS
 
 
 def _unit(q: Quaternion) -> Quaternion:

@@ -7,7 +7,7 @@ with a vertical axis that goes 90 degrees right and left again. The paper found 
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import cos, degrees, hypot, pi, radians
+from math import cos, degrees, hypot, pi, radians, sin
 from random import Random
 from statistics import fmean, stdev
 
@@ -30,9 +30,8 @@ def stop_to_stop() -> Iterator[tuple[float, float, bool]]:
     for turn in range(TURNS + 1):
         right = turn % 2 == 0
         for i in range(round(TURN * RATE)):
-            # the mean rate over the sample, so that the true yaw is the exact integral
-            way = 0.5 * (1 - cos(pi * (i + 1) / (TURN * RATE)))
-            speed = (way - 0.5 * (1 - cos(pi * i / (TURN * RATE)))) * RATE
+            phase = pi * (i + 1) / (TURN * RATE)
+            way, speed = 0.5 * (1 - cos(phase)), 0.5 * pi / TURN * sin(phase)
             sign = -1.0 if right else 1.0
             yield START + (0.0 if right else -ARC) + sign * ARC * way, sign * ARC * speed, False
         stop = START - ARC if right else START
@@ -40,10 +39,10 @@ def stop_to_stop() -> Iterator[tuple[float, float, bool]]:
             yield stop, 0.0, i == round(REST * RATE) - 1
 
 
-def arcs(method: str, pitch: float, buzz: float, **params: str) -> list[float]:
+def arcs(method: str, pitch: float, buzz: float) -> list[float]:
     """The size of every arc [deg] as the method saw it, stop to stop."""
     rng = Random(f"{pitch} {buzz}")
-    estimator = make_attitude(method, **params)
+    estimator = make_attitude(method)
     slope = from_euler(0.0, radians(pitch), 0.0)
     up = rotate(conjugate(slope), (0.0, 0.0, 1.0))
     stops: list[float] = []

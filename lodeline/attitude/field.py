@@ -1,0 +1,109 @@
+"""How far a magnetic field looks like the earth's: weight by strength and dip against a reference.
+
+The reference is learned in the first seconds and follows slowly. Magnets and iron nearby change
+strength and dip along with the heading, so a field that is off in these is given little say about
+the heading. A reference that was itself taken beside a magnet would keep the true field out for
+ever: another field that stays the same while the body turns about is adopted in its place.
+"""
+
+from dataclasses import dataclass
+from math import asin, sqrt, tau
+from typing import Annotated
+
+from lodeline.attitude.base import AttitudeParams, positive
+from lodeline.rotation import Vector
+
+# Below this weight a field would take minutes to come back by itself.
+HOPELESS = 0.02
+ADOPT_TIME = 20.0  # [s] that another field must stay the same
+ADOPT_TURN = tau  # [rad] through which the body must turn in that time
+TURNING = 0.1  # [rad/s] slower rates are noise and do not count
+
+
+@dataclass(frozen=True, slots=True)
+class FieldParams(AttitudeParams):
+    """How much strength and dip may stray, and how fast the reference is learned."""
+
+    norm_tolerance: Annotated[float, "1"] = 0.045  # relative to the strength learned
+    dip_tolerance: Annotated[float, "rad"] = 0.14
+    learn_time: Annotated[float, "s"] = 5.0
+    reference_time: Annotated[float, "s"] = 60.0
+
+    def __post_init__(self) -> None:
+        positive(
+            norm_tolerance=self.norm_tolerance,
+            dip_tolerance=self.dip_tolerance,
+            learn_time=self.learn_time,
+            reference_time=self.reference_time,
+        )
+
+
+@dataclass(slots=True)
+class FieldState:
+    """The reference, and another field that may take its place."""
+
+    field_age: float = -1.0  # of the reference [s], negative before the first field
+    field_norm: float = 0.0  # [T]
+    field_dip: float = 0.0  # [rad]
+    weight: float = 0.0  # of the last field
+    other_age: float = 0.0
+    other_turn: float = 0.0
+    other_norm: float = 0.0
+    other_dip: float = 0.0
+
+
+def norm_and_dip(level_field: Vector) -> tuple[float, float]:
+    """Strength [T] and dip [rad, positive downwards as in the north] of a field in level axes."""
+    x, y, z = level_field
+    norm = sqrt(x * x + y * y + z * z)
+    return norm, -asin(max(-1.0, min(1.0, z / norm)))
+
+
+def weigh(s: FieldState, p: FieldParams, dt: float, level_field: Vector, rate: float) -> bool:
+    """Set `s.weight` (0 to 1) for a field [T] in level axes and let the reference follow it.
+
+    `dt` [s] since the field before, `rate` [rad/s] is how fast the body turns. True when the
+    reference was given up for another field, so that the heading kept until now is in doubt.
+    """
+    norm, dip = norm_and_dip(level_field)
+    if s.field_age < 0.0:
+        s.field_age, s.field_norm, s.field_dip, s.weight = 0.0, norm, dip, 1.0
+        return False
+    s.field_age += dt
+    off = _strangeness(p, norm, dip, s.field_norm, s.field_dip)
+    s.weight = 1.0 / ((1.0 + off) * (1.0 + off))
+    if s.field_age < p.learn_time:  # a running mean
+        share = dt / s.field_age if dt > 0.0 else 0.0
+    else:
+        share = min(1.0, s.weight * dt / p.reference_time)
+    s.field_norm += share * (norm - s.field_norm)
+    s.field_dip += share * (dip - s.field_dip)
+    if s.weight >= HOPELESS:
+        s.other_age = 0.0
+        return False
+    return _adopted(s, p, dt, norm, dip, rate)
+
+
+def _adopted(
+    s: FieldState, p: FieldParams, dt: float, norm: float, dip: float, rate: float
+) -> bool:
+    """Watch another field; true when it has just become the reference."""
+    if s.other_age <= 0.0 or _strangeness(p, norm, dip, s.other_norm, s.other_dip) > 1.0:
+        s.other_age, s.other_turn, s.other_norm, s.other_dip = dt, 0.0, norm, dip
+        return False
+    s.other_age += dt
+    s.other_turn += rate * dt if rate > TURNING else 0.0
+    share = dt / s.other_age
+    s.other_norm += share * (norm - s.other_norm)
+    s.other_dip += share * (dip - s.other_dip)
+    if s.other_age < ADOPT_TIME or s.other_turn < ADOPT_TURN:
+        return False
+    s.field_norm, s.field_dip, s.other_age = s.other_norm, s.other_dip, 0.0
+    return True
+
+
+def _strangeness(p: FieldParams, norm: float, dip: float, of_norm: float, of_dip: float) -> float:
+    """Squared distance of a field from a reference, in tolerances."""
+    a = (norm / of_norm - 1.0) / p.norm_tolerance
+    b = (dip - of_dip) / p.dip_tolerance
+    return a * a + b * b
