@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import threading
 from collections.abc import Callable
@@ -181,6 +182,27 @@ def test_threads_with_a_bus_each_do_not_mix_transactions() -> None:
     for thread in threads:
         thread.join()
     assert wrong == []
+
+
+def test_a_real_bus_gets_a_short_timeout_and_can_be_opened_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls: list[tuple[int, int, object]] = []
+
+    def kernel(fd: int, request: int, argument: object = 0, mutate: bool = True) -> int:
+        calls.append((fd, request, argument))
+        return 0
+
+    monkeypatch.setattr(fcntl, "ioctl", kernel)
+    monkeypatch.setattr(smbus2.smbus2, "ioctl", kernel)
+    bus = open_bus(os.devnull)
+    assert calls[0] == (bus.fd, 0x0702, 5), "50 ms in units of 10 ms, before anything else"
+    bus.write_byte(0x20, 1)
+    bus.reopen()
+    bus.write_byte(0x20, 1)
+    asked = [argument for _, request, argument in calls if request == smbus2.smbus2.I2C_SLAVE]
+    assert asked == [0x20, 0x20], "a new descriptor is told the address again"
+    bus.close()
 
 
 def test_a_missing_bus_says_how_to_enable_it() -> None:

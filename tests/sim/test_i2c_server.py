@@ -134,6 +134,19 @@ def test_a_server_killed_under_a_client_costs_exactly_one_transaction(
         assert bus.read_byte_data(0x68, 0x75) == 0x71
 
 
+def test_a_frozen_simulator_is_a_hung_bus_and_not_waited_for(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as frozen:
+        frozen.bind(str(path))
+        frozen.listen()
+        bus = open_bus("sim", path)
+        begin = time.monotonic()
+        with pytest.raises(OSError) as caught:
+            bus.read_byte_data(0x68, 0x75)
+        assert caught.value.errno == errno.ETIMEDOUT
+        assert time.monotonic() - begin < 1.0
+        bus.close()
+
+
 def test_opening_waits_for_a_simulator_that_comes_later(robot: SimulatedRobot, path: Path) -> None:
     servers: list[I2cServer] = []
     timer = threading.Timer(0.2, lambda: servers.append(I2cServer(robot.bus, path)))

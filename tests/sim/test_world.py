@@ -8,6 +8,12 @@ from math import cos, hypot, pi, sin, sqrt
 
 import pytest
 
+from lodeline import devices
+from lodeline.devices import Encoders
+from lodeline.ekf import Localizer, LocalizerParams
+from lodeline.i2c import open_model
+from lodeline.magnets import ReedBar, ReedBarParams
+from lodeline.odometry import Odometry, OdometryParams
 from lodeline.sim.course import Course
 from lodeline.sim.noise import Noise
 from lodeline.sim.params import RobotParams
@@ -102,6 +108,32 @@ def test_the_robot_keeps_to_its_course_at_its_speed() -> None:
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_plain_odometry_drifts_by_5_to_16_cm_within_a_minute(seed: int) -> None:
     assert 0.05 < max(odometry_errors(RobotParams(seed=seed), 60.0)) < 0.16
+
+
+def test_magnets_hold_an_ekf_within_10_mm_where_odometry_drifts() -> None:
+    now = 0.0
+    robot = SimulatedRobot(RobotParams(), lambda: now)
+    bus = open_model(robot.bus)
+    encoders, bar = Encoders(bus), devices.ReedBar(bus)
+    odometry = Odometry(OdometryParams(ticks_per_turn=16384))
+    localizer, reeds = Localizer(LocalizerParams()), ReedBar(ReedBarParams())
+    squares, drift = [], 0.0
+    for i in range(1, 60 * 50):
+        now = i / 50
+        counts, closed, stamp = encoders.read(now), bar.read(now), round(now * 1e9)
+        assert counts is not None
+        assert closed is not None
+        o = odometry.update(stamp, *counts)
+        assert o is not None
+        localizer.odometry(stamp, o.x, o.y, o.yaw, o.twist_covariance, o.interval, o.resets)
+        localizer.magnets(stamp, reeds.laterals(closed))
+        estimate, truth = localizer.estimate, robot.truth()
+        assert estimate is not None
+        squares.append((estimate.x - truth.x) ** 2 + (estimate.y - truth.y) ** 2)
+        drift = max(drift, hypot(o.x - truth.x, o.y - truth.y))
+    bus.close()
+    assert sqrt(sum(squares) / len(squares)) < 0.005
+    assert drift > 0.05
 
 
 def test_without_slip_and_scale_errors_wheels_tell_the_way() -> None:
