@@ -4,11 +4,21 @@ from collections.abc import Mapping
 from typing import Any
 
 from lodeline.attitude.base import Attitude, AttitudeParams
+from lodeline.attitude.compass import Compass, TiltCompass
+from lodeline.attitude.complementary import Complementary
 from lodeline.attitude.dcm import Dcm
+from lodeline.attitude.gyro import Gyro
 from lodeline.attitude.soft import Soft
 from lodeline.params import build, nearest
 
-METHODS: Mapping[str, type[Attitude]] = {"soft": Soft, "dcm": Dcm}
+METHODS: Mapping[str, type[Attitude]] = {
+    "soft": Soft,
+    "dcm": Dcm,
+    "gyro": Gyro,
+    "compass": Compass,
+    "tilt_compass": TiltCompass,
+    "complementary": Complementary,
+}
 
 __all__ = ["METHODS", "Attitude", "AttitudeParams", "make_attitude"]
 
