@@ -27,15 +27,20 @@ def part(delta: Delta, begin: float, end: float) -> Delta:
     The twist is the logarithm of `delta` on SE(2), so the parts of a motion compose to it again.
     """
     turn = delta.turn
-    if abs(turn) < 1e-9:
+    if abs(turn) < 1e-12:
         share = end - begin
         return Delta(share * delta.ahead, share * delta.left, share * turn)
     # chord = V(turn) twist, with V = [[a, -b], [b, a]]
-    a, b = math.sin(turn) / turn, (1.0 - math.cos(turn)) / turn
+    a, b = math.sin(turn) / turn, _versine(turn) / turn
     norm = a * a + b * b
     v_ahead = (a * delta.ahead + b * delta.left) / norm
     v_left = (a * delta.left - b * delta.ahead) / norm
     share = turn * (end - begin)
-    sine, versine = math.sin(share) / turn, (1.0 - math.cos(share)) / turn
+    sine, versine = math.sin(share) / turn, _versine(share) / turn
     # the twist is the same in every body frame along the way: no rotation to `begin` is needed
     return Delta(sine * v_ahead - versine * v_left, versine * v_ahead + sine * v_left, share)
+
+
+def _versine(angle: float) -> float:
+    """1 - cos, exact for small angles too."""
+    return 2.0 * math.sin(0.5 * angle) ** 2

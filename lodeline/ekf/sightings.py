@@ -3,14 +3,15 @@
 A magnet holds its reed closed over a stretch of the way, the passage. A closed reed alone says
 only that the magnet is somewhere in it (`plain_sights`). A reed that was open one reading ago
 closed within the last step, so the magnet is at the near end of the passage; one that opens again
-leaves it at the far end. In between, readings closer together than the passage share one error,
-so each is worth its share of the way (`edge_sights`).
+leaves it at the far end. In between, and across, readings closer together than the passage share
+one error, so each is worth its share of the way (`edge_sights`).
 """
 
 from typing import NamedTuple
 
 UNKNOWN_WAY = 1e3  # m: the bar may have come from anywhere
 SAME_MAGNET = 0.011  # m: magnets are farther apart than a sight moves within a passage
+ANYWHERE = 1.0  # m^2: variance across of a magnet that is no longer under any reed
 STRAIGHT = 0.8  # share of the bar's way along its x axis from which there is a near and a far end
 
 
@@ -42,11 +43,10 @@ class ReedModel(NamedTuple):
     edge_sigma: float
     lateral_sigma: float
 
-    def sight(self, lateral: float, low: float, high: float, share: float = 1.0) -> Sight:
-        """A magnet anywhere from `low` to `high` [m] ahead of the bar, worth `share` (0 to 1]."""
+    def sight(self, lateral: float, low: float, high: float) -> Sight:
+        """A magnet anywhere from `low` to `high` [m] ahead of the bar."""
         ahead = (high - low) ** 2 / 12.0 + self.edge_sigma**2
-        left = self.lateral_sigma**2
-        return Sight(lateral, 0.5 * (low + high), ahead / share, left / share)
+        return Sight(lateral, 0.5 * (low + high), ahead, self.lateral_sigma**2)
 
 
 def plain_sights(model: ReedModel, laterals: tuple[float, ...]) -> list[Sight]:
@@ -74,28 +74,33 @@ def edge_sights(
     left_over = list(contacts)
     for lateral in laterals:
         before = _nearest(left_over, lateral)
-        if before is not None:
-            left_over.remove(before)
-            moved = before.moved(way, step)
-            sights.append(model.sight(lateral, -half, half, share))
-            kept.append(Contact(lateral, moved.since_first, 0.0))
-            continue
-        kept.append(Contact(lateral, 0.0, 0.0))
-        if not straight:
-            sights.append(model.sight(lateral, -half, half, share))
-        elif step > 0.0:
-            sights.append(model.sight(lateral, max(-half, half - step), half))
+        low, high, ahead_share = -half, half, share
+        if before is None:
+            kept.append(Contact(lateral, 0.0, 0.0))
+            if straight:  # it came in at the near end, within the last step
+                ahead_share = 1.0
+                if step > 0.0:
+                    low = max(-half, half - step)
+                else:
+                    high = min(half, -half - step)
         else:
-            sights.append(model.sight(lateral, -half, min(half, -half - step)))
+            left_over.remove(before)
+            kept.append(Contact(lateral, before.since_first + step, 0.0))
+        sight = model.sight(lateral, low, high)
+        sights.append(
+            sight._replace(
+                ahead_variance=sight.ahead_variance / ahead_share,
+                left_variance=sight.left_variance / share,
+            )
+        )
     for before in left_over:
         moved = before.moved(way, step)
         closed = before.since_last == 0.0
         # it went through, rather than back out, if the bar is well past where it met the magnet
-        if closed and straight and way < model.passage and moved.since_first * step > 0.0:
-            if moved.since_first >= half:
-                sights.append(model.sight(before.lateral, -half - step, -half))
-            elif moved.since_first <= -half:
-                sights.append(model.sight(before.lateral, half, half - step))
+        through = moved.since_first if abs(moved.since_first) >= half else 0.0
+        if closed and straight and way < model.passage and through * step > 0.0:
+            low, high = (-half - step, -half) if step > 0.0 else (half, half - step)
+            sights.append(model.sight(before.lateral, low, high)._replace(left_variance=ANYWHERE))
         if moved.since_last < model.passage:
             kept.append(moved)
     return sights, tuple(kept)

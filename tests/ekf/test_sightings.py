@@ -42,6 +42,7 @@ def test_the_ends_of_a_passage_tell_the_place_within_the_last_step(
         assert sights[0].ahead_variance == pytest.approx(step**2 / 12 + 1e-6)
     for _, sights in seen[1:-1]:
         assert sights[0].offset == 0.0
+    assert seen[-1][1][0].left_variance == 1.0  # m^2: a reed that opened says nothing across
 
 
 def test_a_passage_is_worth_the_same_however_many_readings_it_has() -> None:
@@ -51,6 +52,9 @@ def test_a_passage_is_worth_the_same_however_many_readings_it_has() -> None:
         weight = sum(1.0 / sight.ahead_variance for sight in middle)
         single = 1.0 / (0.016**2 / 12 + 1e-6)
         assert 0.7 * single <= weight <= 1.01 * single
+        closed = [s[0] for _, s in passage(-0.02, step, 60) if s][:-1]
+        across = sum(1.0 / sight.left_variance for sight in closed)
+        assert 0.8 / 0.003**2 <= across <= 1.2 / 0.003**2
 
 
 def test_steps_longer_than_the_passage_make_the_plain_model() -> None:
