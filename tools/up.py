@@ -25,6 +25,7 @@ EXIT_FAILED, EXIT_USAGE, EXIT_INVALID = 1, 2, 3
 
 def main(argv: list[str]) -> int:
     """Run `lodeline up`; the exit code."""
+    began = time.monotonic()
     arguments = _parser().parse_args(argv)
     from lodeline.pipeline.load import PipelineError, find, load
 
@@ -46,7 +47,7 @@ def main(argv: list[str]) -> int:
     from lodeline.run_folder import RunFolderError
 
     try:
-        return _up(pipeline, hosts, arguments.seconds)
+        return _up(pipeline, hosts, arguments.seconds, began)
     except (RunFolderError, BusError) as error:
         print(error, file=sys.stderr)
         return EXIT_FAILED
@@ -68,12 +69,12 @@ def _parser() -> argparse.ArgumentParser:
         help="override a parameter; may be given several times",
     )
     parser.add_argument(
-        "--seconds", type=_duration, metavar="N", help="stop N seconds after the sources started"
+        "--seconds", type=_seconds, metavar="N", help="stop N seconds after the sources started"
     )
     return parser
 
 
-def _duration(text: str) -> float:
+def _seconds(text: str) -> float:
     seconds = float(text)
     if not 0.0 <= seconds < float("inf"):
         raise ValueError(text)
@@ -85,7 +86,7 @@ def _hosts(pipeline: Pipeline, wanted: str | None) -> list[str]:
     return [host for host in pipeline.hosts if wanted in (None, host) and pipeline.processes(host)]
 
 
-def _up(pipeline: Pipeline, hosts: Sequence[str], seconds: float | None) -> int:
+def _up(pipeline: Pipeline, hosts: Sequence[str], seconds: float | None, began: float) -> int:
     from lodeline.bus import Hub
     from lodeline.clock import epoch_offset
     from lodeline.run_folder import RunFolder, marker_of
@@ -95,7 +96,7 @@ def _up(pipeline: Pipeline, hosts: Sequence[str], seconds: float | None) -> int:
 
     with RunFolder(pipeline.name, hosts) as run:
         plans = plans_of(pipeline, hosts, run.path, epoch_offset())
-        console = Console(sys.stderr, [plan.name for plan in plans], _coloured())
+        console = Console(sys.stderr.fileno(), [plan.name for plan in plans], _coloured())
         try:
             nodes = sum(len(plan.nodes) for plan in plans)
             size = f"{_count(nodes, 'node')} in {_count(len(plans), 'process', 'es')}"
@@ -106,7 +107,8 @@ def _up(pipeline: Pipeline, hosts: Sequence[str], seconds: float | None) -> int:
             manifest = _manifest(pipeline, hosts)
             run.publish(manifest)
 
-            def on_release(elapsed: float) -> None:
+            def on_release() -> None:
+                elapsed = time.monotonic() - began
                 console.event(f"up in {elapsed:.1f} s: {size}")
                 console.event("look: `lodeline topic hz`, `lodeline ps`; stop: Ctrl-C")
 

@@ -15,7 +15,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from itertools import cycle
-from typing import TextIO
 
 LINES_PER_S = 200.0
 TAIL = 20
@@ -35,8 +34,9 @@ CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(10, 32), *rang
 class Console:
     """Writes lines in a thread of its own: `HH:MM:SS.mmm node | text`."""
 
-    def __init__(self, stream: TextIO, names: list[str], colour: bool) -> None:
-        self._stream = stream
+    def __init__(self, descriptor: int, names: list[str], colour: bool) -> None:
+        # Bare writes: a daemon thread stuck in a buffered stream would hold up the exit.
+        self._descriptor = descriptor
         self._width = max(len(name) for name in (OURS, *names))
         self._colours: dict[str, int] = {}
         if colour:
@@ -90,11 +90,14 @@ class Console:
             if dropped:
                 lines.append(f"LOG {dropped} lines dropped: the terminal does not keep up")
             # A terminal that is gone is no reason to stop the robot.
-            with contextlib.suppress(OSError, ValueError):
-                self._stream.write("".join(line + "\n" for line in lines))
-                self._stream.flush()
+            with contextlib.suppress(OSError):
+                self._write("".join(line + "\n" for line in lines).encode())
             if last:
                 return
+
+    def _write(self, data: bytes) -> None:
+        while data:
+            data = data[os.write(self._descriptor, data) :]
 
 
 class LogPipe:

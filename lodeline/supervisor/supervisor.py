@@ -25,7 +25,7 @@ SAMPLE_S = 1.0
 class Supervisor:
     """Runs plans in a run folder: `asyncio.run(Supervisor(...).run())`, in the main thread.
 
-    `on_release(seconds)` is called once, when the sources are let go; `marks` are starts of
+    `on_release()` is called once, when the sources are let go; `marks` are starts of
     environment entries by which the guard knows whatever belongs to this run.
     """
 
@@ -36,7 +36,7 @@ class Supervisor:
         console: Console,
         marks: Sequence[str] = (),
         timing: Timing | None = None,
-        on_release: Callable[[float], None] = lambda _: None,
+        on_release: Callable[[], None] = lambda: None,
     ) -> None:
         self._plans = plans
         self._folder = folder
@@ -147,7 +147,7 @@ class Supervisor:
             self._console.event(f"NOT_LINKED {missing}: going on after {self._timing.link:g} s")
         for child in self.children:
             child.release()
-        self._on_release(time.monotonic() - self._started)
+        self._on_release()
         if seconds is not None:
             await asyncio.sleep(seconds)
             self._end(EXIT_FINE)

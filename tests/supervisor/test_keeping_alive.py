@@ -1,0 +1,149 @@
+"""Claims about processes that are started, released, die, hang and come back."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import pytest
+
+from tests.supervisor.talk import Start, alive, until
+
+
+def test_sources_go_when_the_last_process_is_linked(supervise: Start) -> None:
+    up = supervise(("source", "good"), ("sink", "slow"))
+    up.wait("sink", "order go")
+    up.wait("source", "order go")
+    assert up.where("sink", "launch") < up.where("lodeline", "released")
+    assert up.where("lodeline", "released") < up.where("source", "order go")
+
+
+def test_sources_go_all_the_same_when_a_wire_is_missing_and_it_is_named(supervise: Start) -> None:
+    began = time.monotonic()
+    up = supervise(("source", "good"), ("sink", "unlinked"), link=0.5)
+    up.wait("lodeline", r"NOT_LINKED sink \(ready\): going on after 0.5 s")
+    up.wait("source", "order go")
+    assert time.monotonic() - began > 0.5
+
+
+def test_a_killed_node_is_back_within_a_second_and_its_neighbours_stay(supervise: Start) -> None:
+    up = supervise(("source", "good"), ("ekf", "good"), ("sink", "good"))
+    up.wait("lodeline", "released")
+    pids = {name: up.pid(name) for name in ("source", "ekf", "sink")}
+    began = time.monotonic()
+    os.kill(pids["ekf"], signal.SIGKILL)
+    up.wait("ekf", "order go", 2)
+    assert time.monotonic() - began < 1.0
+    up.wait("lodeline", r"NODE_EXIT ekf: SIGKILL, restart 1 in 0\.1 s")
+    assert up.pid("ekf", 2) != pids["ekf"]
+    assert up.wait("ekf", r"launch #(\d)", 2)[1] == "1"
+    assert (up.starts("source"), up.starts("sink")) == (1, 1)
+    assert alive(pids["source"]) and alive(pids["sink"])
+
+
+def test_a_node_that_spins_is_aborted_with_a_stack_and_comes_back(supervise: Start) -> None:
+    up = supervise(("ekf", "spin"), ("sink", "good"), watchdog=0.8)
+    up.wait("lodeline", "NODE_SILENT ekf for 0.8 s")
+    up.wait("lodeline", r"NODE_EXIT ekf: SIGABRT, restart 1")
+    assert up.said("ekf", r".*in spin_without_a_beat")
+    assert up.said("lodeline", r"  ekf said: .*in spin_without_a_beat")
+    up.wait("ekf", "start", 2)
+    assert up.starts("sink") == 1
+
+
+def test_a_stopped_node_is_killed_and_comes_back(supervise: Start) -> None:
+    up = supervise(("ekf", "good"), ("sink", "good"))
+    up.wait("lodeline", "released")
+    began = time.monotonic()
+    os.kill(up.pid("ekf"), signal.SIGSTOP)
+    up.wait("ekf", "order go", 2)
+    assert 1.5 < time.monotonic() - began < 3.5
+    assert up.said("lodeline", "NODE_EXIT ekf: SIGKILL")
+    assert up.starts("sink") == 1
+
+
+def test_a_beat_counts_only_from_the_process_itself(supervise: Start) -> None:
+    up = supervise(("ekf", "forge"), watchdog=0.8)
+    up.wait("lodeline", "NODE_SILENT ekf")
+
+
+def test_a_node_that_never_gets_ready_is_treated_as_crashed(supervise: Start) -> None:
+    up = supervise(("imu", "never-ready"), ready=0.5)
+    up.wait("lodeline", "NOT_READY imu after 0.5 s")
+    up.wait("lodeline", "NODE_EXIT imu: SIGABRT, restart 1")
+
+
+def test_a_crash_loop_ends_after_six_starts_while_the_others_go_on(supervise: Start) -> None:
+    up = supervise(("bad", "crash"), ("sink", "good"), backoff={"first": 0.01})
+    up.wait("lodeline", "NODE_FAILED bad: exit 1, given up after start 6")
+    assert up.said("lodeline", "  bad said: RuntimeError: broken on purpose")
+    up.wait("lodeline", "released")
+    assert up.starts("bad") == 6
+    assert up.starts("sink") == 1
+    assert alive(up.pid("sink"))
+
+
+def test_a_driver_is_started_for_ever(supervise: Start) -> None:
+    options = {"restart": "always"}
+    up = supervise(("imu", "crash", options), backoff={"first": 0.01, "longest": 0.02})
+    up.wait("imu", "start", 10)
+    assert not up.said("lodeline", "NODE_FAILED")
+
+
+def test_a_node_that_is_never_restarted_fails_at_once(supervise: Start) -> None:
+    up = supervise(("tool", "exit-70", {"restart": "never"}), ("sink", "good"))
+    up.wait("lodeline", "NODE_FAILED tool: exit 70")
+    up.wait("lodeline", "released")
+    assert up.starts("tool") == 1
+
+
+@pytest.mark.parametrize("code", [64, 78])
+def test_bad_configuration_is_not_tried_again(supervise: Start, code: int) -> None:
+    up = supervise(("bad", f"exit-{code}", {"restart": "always"}), ("sink", "good"))
+    up.wait("lodeline", f"NODE_FAILED bad: exit {code}, not started again")
+    up.wait("lodeline", "released")
+    assert up.starts("bad") == 1
+
+
+def test_a_required_node_that_failed_ends_all_with_code_5(supervise: Start) -> None:
+    up = supervise(("source", "good"), ("ekf", "exit-78", {"required": True}))
+    assert up.end() == 5
+    assert up.report()["source"]["state"] == "stopped"
+
+
+def test_the_run_is_over_with_code_0_when_all_nodes_are_done(supervise: Start) -> None:
+    up = supervise(("player", "done", {"restart": "always"}), ("other", "done"))
+    assert up.end() == 0
+    assert up.said("lodeline", "NODE_DONE player")
+    assert up.starts("player") == 1
+
+
+def test_the_run_is_over_with_code_5_when_the_last_node_failed(supervise: Start) -> None:
+    up = supervise(("only", "exit-78"))
+    assert up.end() == 5
+
+
+def test_a_helper_goes_with_its_node(supervise: Start) -> None:
+    up = supervise(("imu", "tree"))
+    near, _, still = map(int, up.wait("imu", r"helpers (\d+) (\d+) (\d+)").groups())
+    os.kill(up.pid("imu"), signal.SIGKILL)
+    up.wait("imu", "start", 2)
+    assert not alive(near) and not alive(still)
+
+
+def test_nodes_outlive_a_pause_of_the_supervisor(supervise: Start) -> None:
+    up = supervise(("source", "good"), ("sink", "good"), watchdog=0.6)
+    up.wait("sink", "order go")
+    up.signal(signal.SIGSTOP)
+    began = time.monotonic()
+    until(lambda: time.monotonic() - began > 1.5, 3.0)
+    up.signal(signal.SIGCONT)
+    until(lambda: time.monotonic() - began > 2.5, 3.0)
+    assert not up.said("lodeline", "NODE_SILENT")
+    assert (up.starts("source"), up.starts("sink")) == (1, 1)
+
+
+def test_nodes_see_no_more_of_the_environment_than_they_need(supervise: Start) -> None:
+    up = supervise(("imu", "good"))
+    assert up.wait("imu", r"launch #0 secret (\w+)")[1] == "unseen"

@@ -1,0 +1,113 @@
+"""Claims about what nodes print: bounded, harmless, and in nobody's way."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from lodeline.supervisor.logs import LogPipe, clean
+from tests.supervisor.talk import Start
+
+HERE = Path(__file__).parent
+
+
+def test_a_flood_is_cut_to_200_lines_a_second_and_the_rest_is_counted(supervise: Start) -> None:
+    up = supervise(("noisy", "flood"), ("sink", "good"))
+    up.wait("noisy", r"LOG (\d+) lines dropped")
+    up.wait("sink", "order go")
+    up.signal(signal.SIGTERM)
+    assert up.end() == 0
+    shown = len(up.said("noisy", r"flood \d+"))
+    dropped = sum(int(match[1]) for match in up.said("noisy", r"LOG (\d+) lines dropped"))
+    kept_besides = len(up.said("noisy", "flood over|bye"))
+    assert shown <= 600
+    assert shown + dropped + kept_besides == 50_000 + 2
+    assert (up.starts("noisy"), up.starts("sink")) == (1, 1)
+
+
+def test_the_last_lines_before_a_crash_are_shown_even_out_of_a_flood(supervise: Start) -> None:
+    up = supervise(("noisy", "flood-and-die"))
+    up.wait("lodeline", "  noisy said: RuntimeError: after the flood")
+    assert len(up.said("lodeline", "  noisy said: ")) <= 20
+
+
+def test_what_a_node_prints_cannot_steer_the_terminal(supervise: Start) -> None:
+    up = supervise(("rogue", "escape"))
+    up.wait("rogue", re.escape(r"red \x1b]0;title\x07 bell") + "$")
+
+
+def test_text_stays_as_it_is() -> None:
+    assert clean("Größe\t5 µT → 3 °C\r") == "Größe\t5 µT → 3 °C"
+
+
+def test_a_terminal_that_stands_still_does_not_hold_up_the_supervisor(run_base: Path) -> None:
+    order = (
+        '{"nodes": [["noisy", "flood", {}], ["sink", "good", {}]], "seconds": null, "timing": {}}'
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-P", str(HERE / "fake_up.py"), order],
+        env=os.environ | {"LODELINE_RUN": str(run_base)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.stdout is not None and process.stderr is not None
+    try:
+        # Fill the pipe that stands for the terminal; nobody reads it from here on.
+        os.set_blocking(process.stderr.fileno(), False)
+        fcntl.fcntl(process.stderr, fcntl.F_SETPIPE_SZ, 4096)
+        for _ in range(30):  # the supervisor's loop turns: 1.5 s and more
+            assert process.stdout.readline()
+        began = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        assert process.stdout.read() is not None
+        assert process.wait(5.0) == 0
+        assert time.monotonic() - began < 2.5
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_a_line_without_an_end_is_shown_when_its_node_is_gone() -> None:
+    lines: list[str] = []
+    pipe = LogPipe(lines.append, lambda: 0.0)
+    os.write(pipe.writer, b"first\nsecond")
+    os.close(pipe.writer)
+    pipe.drain()
+    pipe.close()
+    assert lines == ["first", "second"]
+    assert pipe.ended
+
+
+def test_a_flood_without_line_ends_does_not_grow_without_bounds() -> None:
+    lines: list[str] = []
+    pipe = LogPipe(lines.append, lambda: 0.0)
+    os.write(pipe.writer, b"x" * 500_000)
+    while pipe.read():
+        pass
+    os.close(pipe.writer)
+    pipe.close()
+    assert 0 < len(lines) <= 500_000 // 8192
+    assert max(map(len, lines)) == 8192
+
+
+def test_a_quiet_node_earns_its_lines_back() -> None:
+    now = 0.0
+    lines: list[str] = []
+    pipe = LogPipe(lines.append, lambda: now)
+    os.write(pipe.writer, b"a\n" * 300)
+    pipe.read()
+    assert len(lines) == 200
+    pipe.report_dropped()
+    assert lines[-1] == "LOG 100 lines dropped: more than 200 a second"
+    now = 0.5
+    os.write(pipe.writer, b"b\n" * 300)
+    pipe.read()
+    os.close(pipe.writer)
+    pipe.close()
+    assert lines.count("b") == 100

@@ -1,0 +1,77 @@
+"""Claims about what is left when the supervisor itself is killed: nothing."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.supervisor.talk import Start, Talk, alive, until
+
+LIMIT_S = 0.5
+
+
+def family(up: Talk) -> list[int]:
+    """All processes of a supervisor with the nodes `tree` and `still`."""
+    helpers = map(int, up.wait("tree", r"helpers (\d+) (\d+) (\d+)").groups())
+    up.wait("lodeline", "released")
+    return [up.pid("tree"), up.pid("still"), *helpers]
+
+
+def guard_of(up: Talk) -> int:
+    until(lambda: up.guard is not None, 5.0)
+    assert up.guard is not None
+    return up.guard
+
+
+@pytest.mark.parametrize("run", range(3))
+def test_nothing_survives_a_killed_supervisor(supervise: Start, run: int) -> None:
+    up = supervise(("tree", "tree"), ("still", "good"))
+    pids = [*family(up), guard_of(up)]
+    os.kill(up.pid("still"), signal.SIGSTOP)
+    assert all(alive(pid) for pid in pids)
+    up.signal(signal.SIGKILL)
+    until(lambda: not any(alive(pid) for pid in pids), LIMIT_S)
+
+
+def test_a_killed_guard_has_a_successor_that_knows_all(supervise: Start) -> None:
+    up = supervise(("tree", "tree"), ("still", "good"))
+    pids = family(up)
+    first = guard_of(up)
+    os.kill(first, signal.SIGKILL)
+    up.wait("lodeline", "GUARD_EXIT -9: started again")
+    until(lambda: up.guard not in (None, first), 3.0)
+    up.signal(signal.SIGKILL)
+    until(lambda: not any(alive(pid) for pid in [*pids, guard_of(up)]), LIMIT_S)
+
+
+def test_when_guard_and_supervisor_die_together_the_next_start_clears_up(
+    supervise: Start, run_base: Path
+) -> None:
+    up = supervise(("tree", "tree"), ("still", "good"))
+    pids = family(up)
+    # The guard first, but the supervisor before it can have another.
+    guard = guard_of(up)
+    up.signal(signal.SIGSTOP)
+    os.kill(guard, signal.SIGKILL)
+    up.signal(signal.SIGKILL)
+    up.end()
+    helpers = [pid for pid in pids if alive(pid)]
+    assert helpers, "the kernel leaves helpers of nodes alone: nothing to test otherwise"
+    socket = run_base / "fakes" / "robot" / "notify0"
+    assert socket.exists()
+    successor = supervise(("sink", "good"))
+    left = successor.wait("lodeline", r"leftovers \[(.*)\]")[1].split(", ")
+    assert {int(pid) for pid in left} >= set(helpers)
+    until(lambda: not any(alive(pid) for pid in pids), LIMIT_S)
+    successor.wait("lodeline", "released")
+
+
+def test_a_helper_in_a_session_of_its_own_is_gone_after_a_normal_stop(supervise: Start) -> None:
+    up = supervise(("tree", "tree"), ("still", "good"))
+    pids = family(up)
+    up.signal(signal.SIGTERM)
+    assert up.end() == 0
+    until(lambda: not any(alive(pid) for pid in pids), LIMIT_S)
