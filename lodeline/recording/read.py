@@ -15,10 +15,10 @@ from mcap.records import Channel, Schema
 from mcap.summary import Summary
 
 from lodeline.recording import RecordingError
+from lodeline.recording.ends import check_ends, way_out
 from lodeline.recording.write import MESSAGE_ENCODING, METADATA
 from lodeline_msgs import MESSAGES, DecodeError, Message, unpack
 
-MAGIC = b"\x89MCAP0\r\n"
 RECORD_LIMIT = 64 << 20
 """Longest record [bytes] that is believed; a longer one is a damaged length."""
 KEY = re.compile(r"[A-Za-z0-9_-]+(/[A-Za-z0-9_-]+)*")
@@ -61,7 +61,7 @@ class Recording:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        _check_ends(path)
+        check_ends(path)
         try:
             self._stream = path.open("rb")
         except OSError as error:
@@ -129,7 +129,7 @@ class Recording:
     def _read_summary(self) -> None:
         summary = self._reader.get_summary()
         if summary is None or summary.statistics is None:
-            raise RecordingError(f"{self.path} has no index; {_recover(self.path)}")
+            raise RecordingError(f"{self.path} has no index; {way_out(self.path)}")
         for record in self._reader.iter_metadata():
             if record.name == METADATA:
                 self.metadata |= record.metadata
@@ -157,12 +157,12 @@ class Recording:
         """Whatever the MCAP library raises over a damaged file, as one RecordingError."""
         try:
             yield
-        except (RecordingError, MemoryError):
+        except RecordingError:
             raise
-        except Exception as error:
+        except Exception as error:  # MemoryError too: a damaged length asks for exabytes
             what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             raise RecordingError(
-                f"{self.path} is damaged ({what}); {_recover(self.path)}"
+                f"{self.path} is damaged ({what}); {way_out(self.path)}"
             ) from error
 
 
@@ -170,28 +170,3 @@ def _class_of(channel: Channel, schema: Schema | None) -> type[Message] | None:
     if schema is None or channel.message_encoding != MESSAGE_ENCODING:
         return None
     return MESSAGES.get(schema.name) if KEY.fullmatch(channel.topic) else None
-
-
-def _check_ends(path: Path) -> None:
-    """RecordingError unless the file begins as MCAP files do and was closed properly."""
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(len(MAGIC))
-            size = stream.seek(0, 2)
-            stream.seek(max(0, size - len(MAGIC)))
-            tail = stream.read()
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: there is no such file") from None
-    except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}") from None
-    if head != MAGIC:
-        raise RecordingError(
-            f"{path} is no MCAP recording (a text file of a robot goes through `lodeline bag "
-            "import`)"
-        )
-    if tail != MAGIC or size < 2 * len(MAGIC):
-        raise RecordingError(f"{path} is cut off: it was never closed; {_recover(path)}")
-
-
-def _recover(path: Path) -> str:
-    return f"save what is whole by `lodeline bag recover {path} -o NEW.mcap`"

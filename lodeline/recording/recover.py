@@ -19,7 +19,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from lodeline.recording import RecordingError
-from lodeline.recording.read import MAGIC, RECORD_LIMIT
+from lodeline.recording.ends import MAGIC
+from lodeline.recording.read import RECORD_LIMIT
 from lodeline.recording.write import CHUNK_BYTES, whole_file
 
 _NAMES = {Opcode.SCHEMA, Opcode.CHANNEL}
@@ -43,24 +44,25 @@ class Recovered:
 
 def recover(source: Path, target: Path, *, replace: bool = False) -> Recovered:
     """Write all that is whole in `source` to `target`; RecordingError if there is nothing."""
-    found = Recovered()
     try:
-        with source.open("rb") as stream, whole_file(target, replace=replace) as out:
-            if stream.read(len(MAGIC)) != MAGIC:
-                raise RecordingError(f"{source} is no MCAP recording")
-            copy = _Copy(out)
-            # A closed file repeats its channels at the end: a damaged first chunk costs none.
-            for kept in (_NAMES, _KEPT):
-                stream.seek(len(MAGIC))
-                found = Recovered()
-                for opcode, raw in _whole_records(stream, found):
-                    if opcode in kept:
-                        copy.take(raw, found)
-            if found.messages == 0:
-                raise RecordingError(f"{source}: not one whole message in it")
-            copy.close()
+        stream = source.open("rb")
     except OSError as error:
         raise RecordingError(f"{source}: {error.strerror}") from None
+    found = Recovered()
+    with stream, whole_file(target, replace=replace) as out:
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise RecordingError(f"{source} is no MCAP recording")
+        copy = _Copy(out)
+        # A closed file repeats its channels at the end: a damaged first chunk costs none.
+        for kept in (_NAMES, _KEPT):
+            stream.seek(len(MAGIC))
+            found = Recovered()
+            for opcode, raw in _whole_records(stream, found):
+                if opcode in kept:
+                    copy.take(raw, found)
+        if found.messages == 0:
+            raise RecordingError(f"{source}: not one whole message in it")
+        copy.close()
     return found
 
 

@@ -184,9 +184,11 @@ def test_flipped_bytes_lead_to_a_clear_error_and_cost_one_chunk(file: Path, tmp_
     random_numbers = random.Random(2)
     bad, saved = tmp_path / "bad.mcap", tmp_path / "saved.mcap"
     refused, losses = 0, []
-    for _ in range(60):
+    for i in range(60):
         broken = bytearray(data)
-        place = random_numbers.randrange(8, len(data) - 8)
+        # every third flip in the summary at the end, which the reader goes by
+        first = len(data) - 2000 if i % 3 == 0 else 8
+        place = random_numbers.randrange(first, len(data) - 8)
         broken[place] ^= 1 << random_numbers.randrange(8)
         bad.write_bytes(broken)
         try:
@@ -194,8 +196,8 @@ def test_flipped_bytes_lead_to_a_clear_error_and_cost_one_chunk(file: Path, tmp_
                 read = [(key, message) for key, message, _ in recording.samples()]
         except RecordingError:
             refused += 1
-        else:  # a flip where nothing depends on it, as in an index of times
-            assert sorted(map(repr, read)) == sorted(map(repr, expected))
+        else:  # a flip where nothing depends on it, as in the index of a chunk
+            assert read == expected
         try:
             losses.append(len(expected) - recover(bad, saved, replace=True).messages)
         except RecordingError:
