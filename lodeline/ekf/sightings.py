@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 UNKNOWN_WAY = 1e3  # m: the bar may have come from anywhere
 SAME_MAGNET = 0.011  # m: magnets are farther apart than a sight moves within a passage
+STUCK = 2.0  # passages: a reed that stays closed for longer has no magnet under it
 ANYWHERE = 1.0  # m^2: variance across of a magnet that is no longer under any reed
 STRAIGHT = 0.8  # share of the bar's way along its x axis from which there is a near and a far end
 
@@ -86,6 +87,8 @@ def edge_sights(
         else:
             left_over.remove(before)
             kept.append(Contact(lateral, before.since_first + step, 0.0))
+            if abs(before.since_first + step) > STUCK * model.passage:
+                continue
         sight = model.sight(lateral, low, high)
         sights.append(
             sight._replace(
@@ -97,7 +100,9 @@ def edge_sights(
         moved = before.moved(way, step)
         closed = before.since_last == 0.0
         # it went through, rather than back out, if the bar is well past where it met the magnet
-        through = moved.since_first if abs(moved.since_first) >= half else 0.0
+        through = moved.since_first
+        if not half <= abs(through) <= STUCK * model.passage:
+            through = 0.0
         if closed and straight and way < model.passage and through * step > 0.0:
             low, high = (-half - step, -half) if step > 0.0 else (half, half - step)
             sights.append(model.sight(before.lateral, low, high)._replace(left_variance=ANYWHERE))

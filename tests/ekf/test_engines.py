@@ -1,6 +1,8 @@
 """Claims about the two EKF engines: Jacobians, equality, positive covariance."""
 
 import math
+import subprocess
+import sys
 from collections.abc import Callable
 from itertools import pairwise
 from random import Random
@@ -180,3 +182,16 @@ def test_half_of_an_arc_is_half_an_arc() -> None:
     quarter_circle = Delta(1.0, 1.0, math.pi / 2)
     half = part(quarter_circle, 0.0, 0.5)
     assert half == pytest.approx((math.sin(math.pi / 4), 1 - math.cos(math.pi / 4), math.pi / 4))
+
+
+def test_nothing_scalar_imports_numpy() -> None:
+    """numpy and scipy cost seconds at start: only the filterpy engine may ask for them."""
+    code = (
+        "import sys, lodeline.odometry, lodeline.magnets, lodeline.ekf as e;"
+        "e.Localizer(e.LocalizerParams());"
+        "print(sorted({'numpy', 'scipy', 'filterpy', 'zenoh', 'lodeline_msgs'} & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=30
+    )
+    assert done.stdout.strip() == "[]"
