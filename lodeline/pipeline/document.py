@@ -29,9 +29,10 @@ from ruamel.yaml.scanner import Scanner
 
 from lodeline.pipeline.faults import Fault, PipelineError, Place
 
-MAX_BYTES = 128 * 1024  # some 300 nodes; read in 0.3 s at worst
-MAX_ITEMS = 10_000
+MAX_BYTES = 64 * 1024  # some 150 nodes; read in 0.2 s at worst
+MAX_ITEMS = 6000
 MAX_DEPTH = 32
+MAX_TEXT = 1000  # so that a message about it can be read
 
 _INT = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -145,6 +146,8 @@ class _Builder:
         for count, event in enumerate(events):
             if count > MAX_ITEMS:
                 self._refuse(event, f"more than {MAX_ITEMS} items")
+            if isinstance(event, ScalarEvent) and len(event.value) > MAX_TEXT:
+                self._refuse(event, f"a text of more than {MAX_TEXT} characters")
             yield event
 
     def _refuse(self, event: Any, text: str) -> NoReturn:
@@ -180,8 +183,11 @@ class _Builder:
         if depth > MAX_DEPTH:
             self._refuse(event, f"nested deeper than {MAX_DEPTH}")
         if isinstance(event, ScalarEvent):
-            value = self._plain(event.value, place) if event.implicit[0] else event.value
-            return Item(value, place, key)
+            if event.style:
+                return Item(event.value, place, key)
+            # The parser puts what is not there where the next thing is, lines below.
+            place = place if event.value else key
+            return Item(self._plain(event.value, place), place, key)
         if isinstance(event, SequenceStartEvent):
             return Item(self._list(depth), place, key)
         return Item(self._dict(depth), place, key)
@@ -202,7 +208,7 @@ class _Builder:
             key = self._place(event)
             if not isinstance(event, ScalarEvent):
                 self._refuse(event, "a key must be a word")
-            if event.value == "<<" and event.implicit[0]:
+            if event.value == "<<" and not event.style:
                 self._refuse(event, "merge keys (<<) are not read, write the values out")
             item = self._item(next(self.events), key, depth + 1)
             if event.value in found:

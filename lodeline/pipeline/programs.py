@@ -51,12 +51,14 @@ def load_program(
 
 
 def _import_failure(error: BaseException, file: Path, run: str) -> str:
-    line = error.lineno if isinstance(error, SyntaxError) and error.filename == str(file) else None
+    line = None
     trace = error.__traceback__
     while trace is not None:
         if trace.tb_frame.f_code.co_filename == str(file):
-            line = line or trace.tb_lineno
+            line = trace.tb_lineno
         trace = trace.tb_next
+    if isinstance(error, SyntaxError) and error.filename == str(file):
+        line = error.lineno
     text = (str(error).splitlines() or [""])[0]
     if line is None and isinstance(error, TypeError):
         return text  # load_node's own words
