@@ -163,14 +163,15 @@ def marker_of(folder: Path) -> str:
     return f"NOTIFY_SOCKET={folder}/"
 
 
-def running(name: str | None = None) -> list[Running]:
+def running(name: str | None = None, base: Path | None = None) -> list[Running]:
     """Pipelines (all, or those called `name`) that run on this machine as this user."""
-    found = [item for item in _manifests() if name in (None, item.manifest.name)]
+    folders = base or base_folder()
+    found = [item for item in _manifests(folders) if name in (None, item.manifest.name)]
     return sorted(found, key=lambda item: (item.manifest.name, item.manifest.host))
 
 
-def _manifests() -> Iterator[Running]:
-    for file in base_folder().glob(f"*/*/{MANIFEST}"):
+def _manifests(base: Path) -> Iterator[Running]:
+    for file in base.glob(f"*/*/{MANIFEST}"):
         try:
             values = json.loads(file.read_text(encoding="utf-8"))
             values["keys"] = {key: Key(**known) for key, known in values["keys"].items()}

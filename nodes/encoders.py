@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from lodeline.devices import Encoders, EncodersParams
+from lodeline.devices import Encoders, EncodersParams, EncodersState
 from lodeline.i2c import open_bus
 from lodeline.node import Driver, Output
 from lodeline.stamps import seconds
@@ -24,11 +24,18 @@ class EncodersNodeParams:
 class EncodersDriver(Driver[EncodersNodeParams]):
     """Sends cumulative counts; a read that failed is left out, the way is not."""
 
+    State = EncodersState
     wheels = Output(WheelTicks)
 
     def setup(self) -> None:
         bus = open_bus(self.params.bus, self.context.sim_socket)
         self.encoders = Encoders(bus, self.params.encoders)
+
+    def save(self) -> EncodersState | None:
+        return self.encoders.state
+
+    def resume(self, state: EncodersState) -> None:
+        self.encoders.resume(state)
 
     def tick(self, stamp: int) -> None:
         counts = self.encoders.read(seconds(stamp))

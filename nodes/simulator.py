@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from typing import Annotated
 
 from lodeline.node import Driver, Input, Output
-from lodeline.sim.robot import RobotParams, SimulatedRobot
+from lodeline.sim.robot import RobotParams, RobotState, SimulatedRobot
 from lodeline.sim.server import I2cServer
-from lodeline.sim.world import WorldState
 from lodeline_msgs import Odometry, Twist
 
 # What a truth says behind its numbers: no covariances, a speed of the moment.
@@ -26,24 +25,24 @@ class SimulatorParams:
 class Simulator(Driver[SimulatorParams]):
     """Follows its course by itself until someone commands it."""
 
-    State = WorldState
+    State = RobotState
     cmd_vel = Input(Twist, queue=1, max_age=0.5)
     truth = Output(Odometry)
 
     def setup(self) -> None:
         self.serve(None)
 
-    def serve(self, state: WorldState | None) -> None:
+    def serve(self, state: RobotState | None) -> None:
         self.robot = SimulatedRobot(self.params.robot, self.context.monotonic, state)
         self.server = I2cServer(self.robot.bus, self.context.sim_socket)
 
     def close(self) -> None:
         self.server.close()
 
-    def save(self) -> WorldState:
+    def save(self) -> RobotState:
         return self.robot.state
 
-    def resume(self, state: WorldState) -> None:
+    def resume(self, state: RobotState) -> None:
         self.server.close()
         self.serve(state)
 

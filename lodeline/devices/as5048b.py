@@ -69,6 +69,27 @@ class Counter:
         self._base_s = self._now_s
         self._speed = 0.0
 
+    def resume(self, now_s: float, count: int, angle: int, speed: float) -> None:
+        """Go on from where another counter stood at `now_s` [s]; speed in counts/s."""
+        self.count = self._base_count = count
+        self._now_s = self._base_s = now_s
+        self._angle, self._speed = angle, speed
+
+    @property
+    def reading(self) -> tuple[float, int, int, float]:
+        """What `resume` takes; the angle is -1 before the first reading."""
+        return self._now_s, self.count, self._angle, self._speed
+
+
+@dataclass(frozen=True, slots=True)
+class EncodersState:
+    """Where two counters stood, so that a successor counts on: counts, angles, counts/s, s."""
+
+    now_s: float
+    counts: tuple[int, int]
+    angles: tuple[int, int]
+    speeds: tuple[float, float]
+
 
 class _Encoder:
     """One encoder with its link."""
@@ -176,3 +197,21 @@ class Encoders:
             self._left.counter.restart()
             self._right.counter.restart()
         return None if left is None or right is None else (self._left.count, self._right.count)
+
+    @property
+    def state(self) -> EncodersState | None:
+        """Where the counters stand; None until both were read."""
+        now_s, left, left_angle, left_speed = self._left.counter.reading
+        _, right, right_angle, right_speed = self._right.counter.reading
+        if min(left_angle, right_angle) < 0:
+            return None
+        return EncodersState(
+            now_s, (left, right), (left_angle, right_angle), (left_speed, right_speed)
+        )
+
+    def resume(self, state: EncodersState) -> None:
+        """Count on from a predecessor's state: its silence is bridged like that of the bus."""
+        for place, encoder in enumerate((self._left, self._right)):
+            encoder.counter.resume(
+                state.now_s, state.counts[place], state.angles[place], state.speeds[place]
+            )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 from lodeline.sim.bus import BusModel
@@ -16,7 +16,7 @@ from lodeline.sim.params import RobotParams
 from lodeline.sim.sensors import Sensors, turn_of
 from lodeline.sim.world import World, WorldState
 
-__all__ = ["RobotParams", "SimulatedRobot", "Truth", "WorldState"]
+__all__ = ["RobotParams", "RobotState", "SimulatedRobot", "Truth"]
 
 IMU_ADDRESS = 0x68
 MAG_ADDRESS = 0x0C
@@ -35,20 +35,29 @@ class Truth(NamedTuple):
     w: float
 
 
+@dataclass(slots=True)
+class RobotState(WorldState):
+    """The world at one moment, and the time of the clock [s] at which it began."""
+
+    start: float = 0.0
+
+
 class SimulatedRobot:
     """A robot that moves as its clock goes on; its chips are on `bus`. Any thread may ask.
 
-    `clock` [s] may start anywhere; with a `state` of an earlier robot this one goes on from there,
-    its chips fresh from power-on.
+    `clock` [s] may start anywhere. With a `state` of an earlier robot this one is where that one
+    would be by now, for a robot drives on while nobody simulates it; its chips are fresh from
+    power-on.
     """
 
     def __init__(
-        self, params: RobotParams, clock: Callable[[], float], state: WorldState | None = None
+        self, params: RobotParams, clock: Callable[[], float], state: RobotState | None = None
     ) -> None:
         self._lock = threading.RLock()
-        self._world = World(params, replace(state) if state is not None else None)
+        begun = replace(state) if state is not None else RobotState(start=clock())
+        self._world = World(params, begun)
         self._clock = clock
-        self._start = clock() - self._world.now
+        self._start = begun.start
         self.bus = BusModel(self._lock)
         sensors = Sensors(params, self._world)
         now = self.now
@@ -83,8 +92,8 @@ class SimulatedRobot:
             self._world.command(self.now(), v, w)
 
     @property
-    def state(self) -> WorldState:
+    def state(self) -> RobotState:
         """A copy of all there is to save, at this moment."""
         with self._lock:
             self._world.advance(self.now())
-            return replace(self._world.state)
+            return RobotState(**asdict(self._world.state))
