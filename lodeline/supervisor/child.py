@@ -10,10 +10,7 @@ any of these -> waiting -> starting    (it died and is started again)
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import os
 import signal
-import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,9 +19,10 @@ from typing import Literal
 
 from lodeline.supervisor.backoff import Backoff
 from lodeline.supervisor.groups import Groups
-from lodeline.supervisor.logs import Console, LogPipe
+from lodeline.supervisor.logs import Console
 from lodeline.supervisor.notify import NotifySocket
 from lodeline.supervisor.plan import Plan, Timing
+from lodeline.supervisor.process import Process
 from lodeline.supervisor.schedule import grant
 from lodeline.supervisor.usage import Usage
 
@@ -70,14 +68,13 @@ class Child:
         self._stop = asyncio.Event()
         self._due = 0.0
         self._ready_at: float | None = None
-        self._proc: subprocess.Popen[bytes] | None = None
-        self._log: LogPipe | None = None
+        self._process: Process | None = None
         self._tail: list[str] = []
 
     @property
     def pid(self) -> int | None:
         """Its process id while it lives."""
-        return None if self._proc is None else self._proc.pid
+        return None if self._process is None else self._process.pid
 
     @property
     def alive(self) -> bool:
@@ -121,9 +118,8 @@ class Child:
     def release(self) -> None:
         """Let its sources go, now or as soon as it is ready."""
         self.released = True
-        if self.state == "ready" and self._proc is not None and self._proc.stdin is not None:
-            with contextlib.suppress(OSError):  # it just died
-                os.write(self._proc.stdin.fileno(), b"go\n")
+        if self.state == "ready" and self._process is not None:
+            self._process.tell("go")
             self._become("running")
 
     def check(self, now: float) -> None:
@@ -163,77 +159,41 @@ class Child:
 
     async def _live(self) -> int:
         """From start to exit; the exit code, or minus the signal that ended it."""
-        ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self.linked = False
         self._ready_at = None
         try:
-            proc = self._spawn()
+            process = self._spawn()
         except OSError as error:
             self._event(f"CANNOT_START {self.plan.name}: {error}")
             return EX_OSERR
-        pidfd = os.pidfd_open(proc.pid)
-        loop = asyncio.get_running_loop()
-        loop.add_reader(pidfd, _resolve, ended)
         try:
-            await ended
+            await process.ended()
+            self.listen()  # what it said last
         finally:
-            loop.remove_reader(pidfd)
-            os.close(pidfd)
-        return self._bury(proc)
+            code = process.bury()
+            self._tail = list(process.log.tail)
+            self._process = None
+            self._around.groups.discard(process.pid)
+        return code
 
-    def _spawn(self) -> subprocess.Popen[bytes]:
+    def _spawn(self) -> Process:
         plan, around = self.plan, self._around
-        log = LogPipe(lambda text: around.console.line(plan.name, text), time.monotonic)
-        try:
-            proc = subprocess.Popen(
-                [*around.prefix, *plan.command],
-                bufsize=0,
-                stdin=subprocess.PIPE,
-                stdout=log.writer,
-                stderr=log.writer,
-                env=around.environment
-                | {
-                    "LODELINE_LAUNCH": plan.launch(self.restarts),
-                    "NOTIFY_SOCKET": str(self._notify.path),
-                },
-                start_new_session=True,
-            )
-        except OSError:
-            log.close()
-            raise
-        finally:
-            os.close(log.writer)
-        around.groups.add(proc.pid)
-        assert proc.stdin is not None
-        os.set_blocking(proc.stdin.fileno(), False)
-        first = self.restarts == 0
-        self.scheduling = grant(proc.pid, plan)
-        if first and self.scheduling[1]:
+        words = {"LODELINE_LAUNCH": plan.launch(self.restarts)}
+        words["NOTIFY_SOCKET"] = str(self._notify.path)
+        self._process = process = Process(
+            [*around.prefix, *plan.command],
+            around.environment | words,
+            lambda text: around.console.line(plan.name, text),
+        )
+        around.groups.add(process.pid)
+        self.scheduling = grant(process.pid, plan)
+        if self.scheduling[1] and self.restarts == 0:
             self._event(f"NOT_GRANTED {plan.name}: {self.scheduling[1]}")
-        self._proc, self._log = proc, log
         self.usage = Usage()
         self.since = time.monotonic()
         self._due = self.since + around.timing.ready
-        asyncio.get_running_loop().add_reader(log.reader, self._read_log)
         self._become("starting")
-        return proc
-
-    def _bury(self, proc: subprocess.Popen[bytes]) -> int:
-        """Clear away a process that has ended; its exit code."""
-        # Not yet reaped, its number cannot be another's: now its helpers go.
-        self.kill()
-        self.listen()
-        log, self._log = self._log, None
-        assert log is not None and proc.stdin is not None
-        asyncio.get_running_loop().remove_reader(log.reader)
-        log.drain()
-        log.close()
-        self._tail = list(log.tail)
-        code = proc.wait()
-        proc.stdin.close()
-        self._proc = None
-        self._around.groups.discard(proc.pid)
-        return code
+        return process
 
     def _judge(self, code: int) -> float | None:
         """What an exit means: seconds until the next start, or None."""
@@ -263,25 +223,18 @@ class Child:
         self._event(text)
         self._due = time.monotonic() + self._around.timing.abort
         self._become("hung")
-        if self._proc is not None:
-            with contextlib.suppress(OSError):
-                os.kill(self._proc.pid, signal.SIGABRT)  # faulthandler shows where it hangs
+        if self._process is not None:
+            self._process.abort()
 
     def _signal_group(self, number: int) -> None:
-        if self._proc is not None:
-            with contextlib.suppress(OSError):
-                os.killpg(self._proc.pid, number)
-
-    def _read_log(self) -> None:
-        if self._log is not None and not self._log.read() and self._log.ended:
-            asyncio.get_running_loop().remove_reader(self._log.reader)
+        if self._process is not None:
+            self._process.signal_group(number)
 
     def sample(self, now: float) -> None:
         """Once a second: what it costs, and what of its log was dropped."""
-        if self._proc is not None:
-            self.usage.sample(self._proc.pid, now)
-        if self._log is not None:
-            self._log.report_dropped()
+        if self._process is not None:
+            self.usage.sample(self._process.pid, now)
+            self._process.log.report_dropped()
 
     def describe(self, now: float) -> dict[str, object]:
         """Its state as plain values; may be called from any thread."""
@@ -310,11 +263,6 @@ class Child:
     def _become(self, state: State) -> None:
         self.state = state
         self._around.changed()
-
-
-def _resolve(future: asyncio.Future[None]) -> None:
-    if not future.done():
-        future.set_result(None)
 
 
 def word_of(code: int) -> str:

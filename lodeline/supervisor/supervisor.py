@@ -61,6 +61,24 @@ class Supervisor:
         self._over = loop.create_future()
         self._listen_to_signals(loop)
         self.groups.start()
+        self.children = self._make_children()
+        lives = [asyncio.create_task(child.keep()) for child in self.children]
+        release = asyncio.create_task(self._release(seconds))
+        tasks = [asyncio.create_task(self._tick()), release, *lives]
+        for task in tasks:
+            task.add_done_callback(self._task_ended)
+        try:
+            code = await self._over
+            release.cancel()
+            await self._stop(lives)
+        finally:
+            for task in tasks:
+                task.cancel()  # a life that is cancelled takes its process with it
+            await asyncio.gather(*tasks, return_exceptions=True)
+            self.groups.close()
+        return code
+
+    def _make_children(self) -> list[Child]:
         around = Surroundings(
             timing=self._timing,
             console=self._console,
@@ -70,27 +88,9 @@ class Supervisor:
             uniform=random.uniform,
             changed=self._change,
         )
-        self.children = [
+        return [
             Child(plan, self._folder / f"notify{i}", around) for i, plan in enumerate(self._plans)
         ]
-        lives = [asyncio.create_task(child.keep()) for child in self.children]
-        ticks = asyncio.create_task(self._tick())
-        release = asyncio.create_task(self._release(seconds))
-        watch = [ticks, release, *lives]
-        for task in watch:
-            task.add_done_callback(self._task_ended)
-        try:
-            code = await self._over
-            release.cancel()
-            await self._stop(lives)
-        finally:
-            for child in self.children:
-                child.kill()
-            for task in watch:
-                task.cancel()
-            await asyncio.gather(*watch, return_exceptions=True)
-            self.groups.close()
-        return code
 
     def report(self) -> bytes:
         """All processes as JSON, for `lodeline ps`; may be called from any thread."""

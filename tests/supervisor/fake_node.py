@@ -78,7 +78,7 @@ def serve() -> None:
 
 def act(order: str) -> None:
     """What each kind of node does once its sources are let go."""
-    tell(f"order {order}")
+    tell(f"order {order} at {time.monotonic()}")
     if MODE == "spin":
         spin_without_a_beat()
     elif MODE == "forge":
@@ -112,6 +112,7 @@ def main() -> None:
     tell(
         f"launch {os.environ['LODELINE_LAUNCH']} secret {os.environ.get('SECRET_TOKEN', 'unseen')}"
     )
+    tell(f"ready at {time.monotonic()}")
     speak("READY=1\nSTATUS=well")
     if MODE != "unlinked":
         speak("LINKED=1")
