@@ -8,11 +8,13 @@ from lodeline.attitude.compass import Compass, TiltCompass
 from lodeline.attitude.complementary import Complementary
 from lodeline.attitude.dcm import Dcm
 from lodeline.attitude.gyro import Gyro
+from lodeline.attitude.mekf import Mekf
 from lodeline.attitude.soft import Soft
 from lodeline.params import build, nearest
 
 METHODS: Mapping[str, type[Attitude]] = {
     "soft": Soft,
+    "mekf": Mekf,
     "dcm": Dcm,
     "gyro": Gyro,
     "compass": Compass,

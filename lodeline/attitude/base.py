@@ -14,6 +14,7 @@ from lodeline.rotation import (
     Quaternion,
     Vector,
     from_euler,
+    from_rotation_vector,
     multiply,
     rotate,
     wrap_angle,
@@ -133,6 +134,17 @@ def turned(before: Vector, now: Vector, bias: Vector, dt: float) -> Vector:
         h * (ax + cx) + k * (ay * cz - az * cy),
         h * (ay + cy) + k * (az * cx - ax * cz),
         h * (az + cz) + k * (ax * cy - ay * cx),
+    )
+
+
+def ahead(rate: Vector, bias: Vector, latency: float) -> Quaternion:
+    """The turn that a sensor late by `latency` [s] has not seen yet, at a rate [rad/s] kept up."""
+    return from_rotation_vector(
+        (
+            latency * (rate[0] - bias[0]),
+            latency * (rate[1] - bias[1]),
+            latency * (rate[2] - bias[2]),
+        )
     )
 
 

@@ -16,6 +16,7 @@ from lodeline.attitude.base import (
     UNKNOWN_HEADING,
     Attitude,
     aged_variance,
+    ahead,
     check_sample,
     north_yaw,
     positive,
@@ -215,11 +216,8 @@ class Soft(Attitude):
     def orientation(self) -> Quaternion:
         """Body to world (x, y, z, w)."""
         s = self._state
-        wx, wy, wz = s.rate
-        bx, by, bz = s.bias
-        t = self.params.latency
-        ahead = from_rotation_vector((t * (wx - bx), t * (wy - by), t * (wz - bz)))
-        level = multiply(s.tilt, multiply(s.strapdown, ahead))
+        now = multiply(s.strapdown, ahead(s.rate, s.bias, self.params.latency))
+        level = multiply(s.tilt, now)
         return _unit(multiply((0.0, 0.0, sin(0.5 * s.heading), cos(0.5 * s.heading)), level))
 
     @property

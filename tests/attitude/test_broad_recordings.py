@@ -87,6 +87,12 @@ def test_dcm_with_tuned_gains_holds_four_and_a_half_degrees() -> None:
     assert mean(run("dcm", gains="tuned"), "total") <= 4.5
 
 
+def test_mekf_holds_two_degrees_on_average() -> None:
+    results = run("mekf")
+    assert mean(results, "total") <= 2.0
+    assert max(error.total for error in results.values()) <= 4.0
+
+
 def test_heading_std_of_soft_covers_the_error() -> None:
     """Two sigma hold the heading error in 95 % of all scored rows."""
     held = scored = 0
