@@ -34,7 +34,8 @@ def load_program(
     file = find_program(node.run, folder)
     if file is None:
         known = [f"nodes/{path.name}" for path in sorted(shipped("nodes").glob("*.py"))]
-        known += [str(path.relative_to(folder)) for path in sorted(folder.glob("*/*.py"))]
+        beside = [*folder.glob("*.py"), *folder.glob("*/*.py")]
+        known += [str(path.relative_to(folder)) for path in sorted(beside)]
         text = f"{node.run} is neither beside this file nor among the nodes that ship"
         faults.append(node.at("run").fault(f"{text} with Lodeline{guess(node.run, known)}"))
         return None

@@ -119,3 +119,12 @@ def test_what_a_program_prints_when_imported_does_not_mix_with_data(
 def test_interruption_during_an_import_is_no_fault_of_the_file(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         load(write(tmp_path, "raise KeyboardInterrupt\n"))
+
+
+def test_misspelt_program_beside_the_file_is_guessed(tmp_path: Path) -> None:
+    file = write(tmp_path, "")
+    file.write_text(file.read_text().replace("own.py", "onw.py"))
+    with pytest.raises(
+        PipelineError, match=r"4:14: onw\.py is neither .* did you mean 'own\.py'\?"
+    ):
+        load(file)
