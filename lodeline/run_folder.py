@@ -72,6 +72,11 @@ class Running:
     folder: Path
     manifest: Manifest
 
+    def keys(self) -> dict[str, Key]:
+        """Keys without the pipeline's name, and what is known of each."""
+        prefix = f"{self.manifest.name}/"
+        return {key.removeprefix(prefix): known for key, known in self.manifest.keys.items()}
+
 
 class RunFolder:
     """A run folder while its supervisor lives: `with RunFolder(name, hosts) as run: run.path`.

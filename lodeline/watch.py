@@ -6,7 +6,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -42,7 +41,7 @@ class Watch:
 
     def __init__(self, target: Running) -> None:
         self.manifest = target.manifest
-        self._folder: Path = target.folder
+        self._target = target
         try:
             self._client = Client(target.folder)
         except BusError as error:
@@ -54,8 +53,7 @@ class Watch:
 
     def keys(self) -> dict[str, Key]:
         """Keys of the pipeline without its name, and what is known of each."""
-        prefix = f"{self.manifest.name}/"
-        return {key.removeprefix(prefix): known for key, known in self.manifest.keys.items()}
+        return self._target.keys()
 
     def full_key(self, name: str) -> str:
         """The key meant by a name: whole, without the pipeline, or the end of just one key."""

@@ -141,29 +141,36 @@ def _recover(args: argparse.Namespace) -> int:
 def _play(args: argparse.Namespace) -> int:
     from lodeline.recording.play import choose
     from lodeline.recording.read import Recording
-    from lodeline.run_folder import running
+    from lodeline.watch import NothingThereError
+    from lodeline.watch import choose as choose_pipeline
 
     with Recording(args.file) as recording:
-        found = running(args.name)
-        names = sorted({item.manifest.name for item in found})
-        if not names:
-            which = f"no pipeline {args.name}" if args.name else "no pipeline"
-            print(f"{which} runs here: start one with `lodeline up`", file=sys.stderr)
+        try:
+            target = choose_pipeline(args.name)
+        except NothingThereError as error:
+            print(error, file=sys.stderr)
             return 4
-        if len(names) > 1:
-            raise RecordingError(f"several pipelines run, say which by --name: {', '.join(names)}")
-        prefix = f"{names[0]}/"
-        keys = {
-            key.removeprefix(prefix): known
-            for item in found
-            for key, known in item.manifest.keys.items()
-        }
+        keys = target.keys()
         choice = choose(
             recording,
             {key: known.type for key, known in keys.items() if known.node is None},
             {key: known.node for key, known in keys.items() if known.node is not None},
         )
-        return _send(recording, choice, found[0], args.rate)
+        return _send(recording, choice, target, args.rate)
+
+
+def _refuse_second(target: Running, keys: Mapping[str, object]) -> None:
+    """A pipeline whose time comes from recordings cannot go back to the start of another one."""
+    from lodeline.watch import Watch
+
+    with Watch(target) as watch:
+        full = [f"{target.manifest.name}/{key}" for key in keys]
+        for status in watch.statuses(MATCH_S).values():
+            if any(status.received.get(key) for key in full):
+                raise RecordingError(
+                    f"{target.manifest.name} has played a recording already and stands at its end: "
+                    "start it again with `lodeline up`"
+                )
 
 
 def _send(recording: Recording, choice: Choice, target: Running, rate: float) -> int:
@@ -178,6 +185,8 @@ def _send(recording: Recording, choice: Choice, target: Running, rate: float) ->
             "measures ages by the host's time"
         )
     _say_left_out(choice.left_out)
+    if keeps_stamps:
+        _refuse_second(target, choice.types)
     try:
         client = Client(target.folder)
     except BusError as error:

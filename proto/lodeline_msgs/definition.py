@@ -69,6 +69,15 @@ def message(cls: type[M]) -> type[M]:
 
 def field_specs(cls: type[Message]) -> tuple[FieldSpec, ...]:
     """Fields of a message class in wire order; TypeError where one carries no unit."""
+    if cls not in _specs:
+        _specs[cls] = _read_specs(cls)
+    return _specs[cls]
+
+
+_specs: dict[type[Message], tuple[FieldSpec, ...]] = {}
+
+
+def _read_specs(cls: type[Message]) -> tuple[FieldSpec, ...]:
     hints = get_type_hints(cls, include_extras=True)
     specs = []
     for item in fields(cls):
