@@ -52,6 +52,7 @@ def test_after_a_longer_gap_the_count_starts_from_zero() -> None:
 def test_counts_follow_the_wheels_both_ways_without_a_jump(rig: MakeRig) -> None:
     bench = rig(encoder_noise=0.0)
     encoders = Encoders(bench.bus)
+    encoders.read(0.0)
 
     def read(now: float) -> tuple[tuple[int, int] | None, float, float]:
         bench.robot.command(0.4 if now < 4.0 else -0.4, 0.5)
@@ -64,7 +65,7 @@ def test_counts_follow_the_wheels_both_ways_without_a_jump(rig: MakeRig) -> None
         assert counts is not None
         assert abs(counts[0] - last[0]) < 1000
         assert abs(counts[1] - last[1]) < 1000
-        assert counts == pytest.approx((left * PER_RADIAN, right * PER_RADIAN), abs=60)
+        assert counts == pytest.approx((left * PER_RADIAN, right * PER_RADIAN), abs=2)
         last = counts
     assert bench.robot.state.left_angle < 20.0, "it went forward and came back"
 
@@ -84,6 +85,7 @@ def test_an_inverted_encoder_counts_forward_all_the_same(rig: MakeRig, side: str
 def test_a_failed_read_drops_the_sample_and_loses_no_way(rig: MakeRig) -> None:
     bench = rig(encoder_noise=0.0)
     encoders = Encoders(bench.bus)
+    encoders.read(0.0)
     bench.run(2.0, 100.0, encoders.read)
     bench.fail = lambda address: 121 if address == 0x41 else 0
     got = bench.run(0.05, 100.0, encoders.read)
@@ -93,13 +95,14 @@ def test_a_failed_read_drops_the_sample_and_loses_no_way(rig: MakeRig) -> None:
     counts = bench.run(0.01, 100.0, encoders.read)[0][1]
     state = bench.robot.state
     assert counts == pytest.approx(
-        (state.left_angle * PER_RADIAN, state.right_angle * PER_RADIAN), abs=60
+        (state.left_angle * PER_RADIAN, state.right_angle * PER_RADIAN), abs=2
     )
 
 
 def test_a_bus_gone_for_a_second_costs_no_way(rig: MakeRig) -> None:
     bench = rig(slip=0.0)
     encoders = Encoders(bench.bus)
+    encoders.read(0.0)
     bench.run(2.0, 100.0, encoders.read)
     bench.fail = lambda address: 121
     bench.run(0.5, 100.0, encoders.read)
@@ -114,7 +117,7 @@ def test_a_bus_gone_for_a_second_costs_no_way(rig: MakeRig) -> None:
     assert encoders.health.recovered == 2
     state = bench.robot.state
     assert got[-1][1] == pytest.approx(
-        (state.left_angle * PER_RADIAN, state.right_angle * PER_RADIAN), abs=100
+        (state.left_angle * PER_RADIAN, state.right_angle * PER_RADIAN), abs=2
     )
 
 

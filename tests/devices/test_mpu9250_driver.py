@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
+from itertools import pairwise
 from math import hypot
 
 import pytest
@@ -233,6 +234,34 @@ def test_a_bus_that_goes_is_reported_and_one_that_returns_is_used(
     assert first - back <= 2.5
     assert reading.linear_acceleration[2] == pytest.approx(9.8, abs=0.2)
     assert (imu.health.state, imu.health.recovered) == ("ok", 1)
+
+
+def test_a_silent_chip_is_tried_with_pauses_from_0_2_to_2_s_on_a_bus_opened_anew(
+    rig: MakeRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = rig()
+    imu = Mpu9250(bench.bus)
+    bench.run(1.0, RATE, imu.read)
+    opened: list[float] = []
+    monkeypatch.setattr(bench.bus, "reopen", lambda: opened.append(bench.now))
+    bench.fail = lambda address: GONE
+    bench.run(20.0, RATE, imu.read)
+    pauses = [after - before for before, after in pairwise(opened)]
+    assert pauses[:4] == pytest.approx([0.4, 0.8, 1.6, 2.0], abs=0.006)
+    assert pauses[4:] == pytest.approx([2.0] * len(pauses[4:]), abs=0.006)
+    assert len(opened) == 12
+
+
+def test_nine_failures_in_a_row_are_no_fault_however_often(rig: MakeRig) -> None:
+    bench = rig()
+    imu = Mpu9250(bench.bus)
+    bench.run(1.0, RATE, imu.read)
+    for _ in range(5):
+        bench.fail = lambda address: GONE
+        bench.run(9 / RATE, RATE, imu.read)
+        bench.fail = lambda address: 0
+        assert len(good(bench.run(1 / RATE, RATE, imu.read))) == 1
+    assert (imu.health.state, imu.health.failed, imu.health.recovered) == ("ok", 45, 0)
 
 
 def test_a_hanging_bus_is_not_tried_thrice_and_named(rig: MakeRig) -> None:

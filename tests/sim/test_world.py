@@ -160,6 +160,9 @@ def test_a_command_drives_the_robot_for_half_a_second_and_then_it_returns_to_its
     )
     assert off < 0.02
     assert world.state.v == pytest.approx(0.12, rel=0.03)
+    sides = [world.at(60.0 + 0.5 * i).y for i in range(80)]
+    assert max(sides) > 0.35, "and it drives the whole of it,"
+    assert min(sides) < -0.35, "to both sides"
 
 
 @pytest.mark.parametrize("v", [float("nan"), float("inf")])
@@ -206,6 +209,36 @@ def test_a_tilted_robot_at_rest_feels_gravity_in_its_own_axes() -> None:
     assert motion.specific_force == pytest.approx(
         (-G * sin(motion.pitch), 0.0, G * cos(motion.pitch)), abs=1e-6
     )
+
+
+def test_a_left_wheel_on_a_bump_rolls_the_robot_to_its_right() -> None:
+    params = RobotParams(speed=0.0)
+    beside = params.bump_x + 0.5 * params.track
+    motion = World(params, WorldState(x=beside, yaw=0.5 * pi)).at(1.0)  # its left is to the west
+    assert motion.roll == pytest.approx(params.bump_height / params.track, rel=0.01)
+    assert motion.pitch == pytest.approx(-0.5 * params.bump_height / params.castor, rel=0.01)
+    assert motion.specific_force[1] == pytest.approx(G * sin(motion.roll), rel=1e-3)
+
+
+@pytest.mark.parametrize(("aside", "yaw"), [(0.0, 0.0), (0.0, pi), (0.056, 0.5 * pi), (0.05, 1.0)])
+def test_tilt_turns_gravity_and_field_alike(aside: float, yaw: float) -> None:
+    params = RobotParams(
+        speed=0.0,
+        bump_height=0.01,
+        mag_noise=0.0,
+        accel_noise=0.0,
+        hard_iron=(0.0, 0.0, 0.0),
+        soft_iron=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+    )
+    world = World(params, WorldState(x=params.bump_x + aside, yaw=yaw))
+    sensors = Sensors(params, world)
+    motion, force, field = world.at(1.0), sensors.specific_force(1.0), sensors.magnetic_field(1.0)
+    assert max(abs(motion.roll), abs(motion.pitch)) > 0.03
+    down = -sum(f * b for f, b in zip(force, field, strict=True)) / (G * 47e-6)
+    assert down == pytest.approx(sin(1.1), abs=1e-9)
+    up = [f / G for f in force]
+    level = field[0] + 47e-6 * sin(1.1) * up[0]  # of the field, along the robot's nose
+    assert level == pytest.approx(47e-6 * cos(1.1) * cos(motion.pitch) * sin(yaw), abs=1e-12)
 
 
 def sensors_at(x: float, y: float, yaw: float, magnet_pitch: float = 0.055) -> Sensors:
