@@ -271,6 +271,14 @@ CASES: dict[str, tuple[str, str, str]] = {
         "  second: {run: nodes/smoother.py, inputs: {back: one}, outputs: {speed: two}}\n",
         "cycle: first -> second -> first",
     ),
+    "cycle of three": (
+        "restart: always\n",
+        "restart: always\n"
+        "  b: {run: nodes/smoother.py, inputs: {back: «c}, outputs: {speed: b}}\n"
+        "  c: {run: nodes/smoother.py, inputs: {back: a}, outputs: {speed: c}}\n"
+        "  a: {run: nodes/smoother.py, inputs: {back: b}, outputs: {speed: a}}\n",
+        "cycle: b -> a -> c -> b",
+    ),
     "cycle of one": (
         "inputs: {wheels: wheels}",
         "inputs: {wheels: wheels, back: «speed/mean}",

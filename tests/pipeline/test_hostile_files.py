@@ -68,7 +68,8 @@ def test_hostile_file_is_refused_at_once(case: str, tmp_path: Path) -> None:
         load(file)
     spent = time.process_time() - before
     assert any(message in fault.text for fault in caught.value.faults)
-    assert spent < 0.5, f"{spent:.2f} s of CPU"
+    # Reading ahead through brackets is quadratic: they must be refused before that.
+    assert spent < (0.1 if case == "brackets" else 0.5), f"{spent:.2f} s of CPU"
 
 
 @pytest.mark.parametrize("case", ["merge bomb", "brackets", "many items", "far too large"])

@@ -89,6 +89,7 @@ def test_a_made_group_is_taken_as_it_is() -> None:
         ("inner", 3, ("inner",), "inner must be a mapping of parameters, got 3"),
         ("inner", {"gain": -1}, ("inner", "gain"), "gain must not be negative"),
         ("inner", {"range": 3}, ("inner", "range"), "range must be one of 2, 4, 8, got 3"),
+        ("inner", {"range": 2.0}, ("inner", "range"), "range must be one of 2, 4, 8, got 2.0"),
         ("inner", {"gian": 3}, ("inner", "gian"), "unknown parameter 'gian',"
          " did you mean 'gain'?"),
     ],
