@@ -79,8 +79,8 @@ def normalised_errors(seed: int, seconds: float) -> Iterator[tuple[float, float]
 
 
 def test_errors_are_as_large_as_the_covariance_says() -> None:
-    """NEES over 24 runs: 6 on average for six errors, within what the model leaves out."""
-    seen = [nees for seed in range(24) for t, nees in normalised_errors(seed, 60.0) if t > 10]
+    """NEES over 16 runs: 6 on average for six errors, within what the model leaves out."""
+    seen = [nees for seed in range(16) for t, nees in normalised_errors(seed, 60.0) if t > 10]
     print(f"NEES {np.mean(seen):.2f} of 6 over {len(seen)} looks")
     assert 4.5 < np.mean(seen) < 7.5
     # 95 % band of a chi-square with 6 degrees of freedom: 1.24 to 14.45
