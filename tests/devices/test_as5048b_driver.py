@@ -134,6 +134,25 @@ def test_after_a_long_silence_both_counts_start_from_zero_together(rig: MakeRig)
     assert all(0 <= b[0] - a[0] < 400 for a, b in pairwise(got))
 
 
+def test_a_successor_counts_on_as_if_nothing_had_happened(rig: MakeRig) -> None:
+    bench = rig(left_inverted=True)
+    params = EncodersParams(left_inverted=True)
+    whole = Encoders(bench.bus, params)
+    assert whole.state is None
+    bench.run(2.0, 100.0, whole.read)
+    state = whole.state
+    assert state is not None
+    successor = Encoders(bench.bus, params)
+    successor.resume(state)
+    bench.now += 0.7  # of silence, more than half a turn
+    pairs = bench.run(1.0, 100.0, lambda now: (whole.read(now), successor.read(now)))
+    assert all(mine == yours for _, (mine, yours) in pairs)
+    true = bench.robot.state.right_angle * PER_RADIAN
+    last = pairs[-1][1][1]
+    assert last is not None
+    assert last[1] == pytest.approx(true, abs=60), "since the first reading, not since power-on"
+
+
 @pytest.mark.parametrize(
     ("flags", "text", "valid"),
     [

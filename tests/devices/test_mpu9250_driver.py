@@ -264,6 +264,19 @@ def test_nine_failures_in_a_row_are_no_fault_however_often(rig: MakeRig) -> None
     assert (imu.health.state, imu.health.failed, imu.health.recovered) == ("ok", 45, 0)
 
 
+def test_another_chip_put_in_while_running_is_named_and_never_raises(
+    rig: MakeRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = rig()
+    imu = Mpu9250(bench.bus)
+    bench.run(1.0, RATE, imu.read)
+    monkeypatch.setattr(bench.robot.imu, "_identity", 0x70)
+    bench.robot.imu.reset()
+    assert good(bench.run(3.0, RATE, imu.read)[50:]) == []
+    assert imu.health.message.startswith("IMU_ID imu: got 0x70 (MPU-6500: no magnetometer)")
+    assert imu.health.state == "fault"
+
+
 def test_a_hanging_bus_is_not_tried_thrice_and_named(rig: MakeRig) -> None:
     bench = rig()
     imu = Mpu9250(bench.bus)

@@ -14,6 +14,7 @@ from lodeline.ekf import Localizer, LocalizerParams
 from lodeline.i2c import open_model
 from lodeline.magnets import ReedBar, ReedBarParams
 from lodeline.odometry import Odometry, OdometryParams
+from lodeline.rotation import from_euler, from_rotation_vector, multiply, to_euler
 from lodeline.sim.course import Course
 from lodeline.sim.noise import Noise
 from lodeline.sim.params import RobotParams
@@ -199,6 +200,21 @@ def test_tilt_rates_integrate_to_the_tilt() -> None:
     for motion in motions(world, 2.0, STEP):  # straight over the bump: hardly any roll
         pitch += motion.angular_velocity[1] * STEP
         assert pitch == pytest.approx(motion.pitch, abs=2e-3)
+
+
+def test_body_rates_integrate_to_the_attitude_across_a_bump_taken_aslant() -> None:
+    params = RobotParams(bump_height=0.01, slip=0.0)
+    world = World(params, WorldState(x=0.1, yaw=0.8))
+    q, tilted = from_euler(0.0, 0.0, 0.8), 0.0
+    for i in range(1, 1001):
+        if i % 200 == 1:
+            world.command(i * STEP, 0.15, -0.3)
+        motion = world.at(i * STEP)
+        p, q_, r = motion.angular_velocity
+        q = multiply(q, from_rotation_vector((p * STEP, q_ * STEP, r * STEP)))
+        tilted = max(tilted, min(abs(motion.roll), abs(motion.pitch)))
+        assert to_euler(q) == pytest.approx((motion.roll, motion.pitch, motion.yaw), abs=3e-3)
+    assert tilted > 0.03, "it rolled and pitched at once"
 
 
 def test_a_tilted_robot_at_rest_feels_gravity_in_its_own_axes() -> None:
