@@ -23,6 +23,9 @@ from lodeline.rotation import (
 GRAVITY = 9.80665
 # Standard deviation of a heading about which nothing is known: uniform over the circle.
 UNKNOWN_HEADING = pi / sqrt(3.0)
+# Samples further apart than this [s] leave a hole, in which a body may turn at about this [rad/s].
+HOLE = 0.25
+UNSEEN_RATE = 0.6
 # A level field weaker than this [T] points nowhere.
 FAINTEST_FIELD = 1e-6
 # No robot sensor measures more than this in SI units; it also keeps every product finite.
@@ -175,6 +178,12 @@ def aged_variance(variance: float, dt: float, drift: float) -> float:
     """Heading variance [rad^2] after `dt` [s] in which the heading may drift at `drift` [rad/s].
 
     The drift is a constant rate of unknown sign, so the deviation grows in proportion to time.
+    Over a hole in the samples the body may have turned unseen.
     """
     std = sqrt(variance) + drift * dt
-    return min(std * std, UNKNOWN_HEADING * UNKNOWN_HEADING)
+    return min(std * std + hole_variance(dt), UNKNOWN_HEADING * UNKNOWN_HEADING)
+
+
+def hole_variance(dt: float) -> float:
+    """Variance [rad^2] of the turn between two samples `dt` [s] apart that neither of them saw."""
+    return (UNSEEN_RATE * dt) ** 2 if dt > HOLE else 0.0

@@ -18,6 +18,7 @@ from typing import Annotated, Literal, NamedTuple
 from lodeline.attitude.base import (
     FAINTEST_FIELD,
     GRAVITY,
+    HOLE,
     UNKNOWN_HEADING,
     Attitude,
     AttitudeParams,
@@ -132,6 +133,9 @@ class Dcm(Attitude):
         s = self._state
         gains = GAINS[self.params.gains]
         s.field_wait += dt
+        if dt > HOLE:  # the body may have turned unseen: gravity and north anew
+            s.rows = s.compass = None
+            s.heading_variance = aged_variance(s.heading_variance, dt, DRIFT)
         if s.rows is None:
             rows = to_matrix(tilt_of(linear_acceleration))
         else:

@@ -20,10 +20,12 @@ from typing import Annotated
 from lodeline.attitude.base import (
     FAINTEST_FIELD,
     GRAVITY,
+    HOLE,
     UNKNOWN_HEADING,
     Attitude,
     ahead,
     check_sample,
+    hole_variance,
     north_yaw,
     positive,
     tilt_of,
@@ -124,6 +126,9 @@ class Mekf(Attitude):
         else:
             self._start(linear_acceleration)
         s.rate = angular_velocity
+        if dt > HOLE:  # what was gathered before it belongs to another attitude
+            s.samples = s.fields = 0
+            s.force = s.field = (0.0, 0.0, 0.0)
         s.span += dt
         s.samples += 1
         s.force = _plus(s.force, rotate(s.attitude, linear_acceleration))
@@ -165,7 +170,7 @@ class Mekf(Attitude):
             ]
         wx, wy, wz = s.rate
         scale = 2.0 * SCALE_TIME * p.gyro_scale * p.gyro_scale * (wx * wx + wy * wy + wz * wz)
-        noise = (p.gyro_noise * p.gyro_noise + scale) * dt
+        noise = (p.gyro_noise * p.gyro_noise + scale) * dt + hole_variance(dt)
         walk = p.bias_walk * p.bias_walk * dt
         for i, row in enumerate(rows):  # (F P) F': columns likewise
             x, y, z = row[3], row[4], row[5]

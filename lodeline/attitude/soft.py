@@ -13,6 +13,7 @@ from typing import Annotated
 
 from lodeline.attitude.base import (
     FAINTEST_FIELD,
+    HOLE,
     UNKNOWN_HEADING,
     Attitude,
     aged_variance,
@@ -94,7 +95,7 @@ class Soft(Attitude):
         check_sample(dt, angular_velocity, linear_acceleration, magnetic_field)
         s = self._state
         if s.started:
-            s.age += dt
+            s.age = s.age + dt if dt <= HOLE else 0.0  # after a hole, find gravity and north anew
             self._rest(dt, angular_velocity, linear_acceleration)
             turn = from_rotation_vector(turned(s.rate, angular_velocity, s.bias, dt))
             s.strapdown = _unit(multiply(s.strapdown, turn))
@@ -208,7 +209,8 @@ class Soft(Attitude):
         off = (north - s.heading + pi) % (2.0 * pi) - pi
         if doubted:
             s.heading_variance = max(s.heading_variance, off * off)
-        gain = min(1.0, s.weight * dt / min(p.heading_time, s.field_age + 1e-9))
+        memory = min(p.heading_time, s.age, s.field_age)
+        gain = s.weight * (dt / memory if memory > dt else 1.0)
         s.heading += gain * off
         s.heading_variance += gain * (COMPASS_STD * COMPASS_STD - s.heading_variance)
 

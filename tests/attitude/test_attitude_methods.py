@@ -181,6 +181,25 @@ def test_a_quarter_turn_left_adds_ninety_degrees(method: str) -> None:
 
 
 @every
+@pytest.mark.parametrize("hole", [0.3, 1.3, 10.0])
+@pytest.mark.parametrize("rate", [0.0, 1.0, -1.0])
+def test_after_a_hole_in_the_samples_three_sigma_hold_the_error(
+    method: str, hole: float, rate: float
+) -> None:
+    """The body turns in the hole and only there: before and after it the gyro sees nothing."""
+    estimator = make_attitude(method)
+    feed_still(estimator, from_euler(0.0, 0.0, 0.5), 10.0)
+    truth = from_euler(0.0, 0.0, 0.5 + rate * hole)
+    estimator.update(hole, (0, 0, 0), *sense(truth))
+    for _ in range(2000):
+        error = attitude_error(estimator.orientation, truth)
+        assert error.heading <= 3.0 * estimator.heading_std
+        estimator.update(DT, (0, 0, 0), *sense(truth))
+    if method not in ("gyro", "complementary", "dcm"):
+        assert degrees(attitude_error(estimator.orientation, truth).total) < 6.0
+
+
+@every
 def test_states_are_flat(method: str) -> None:
     def flat(value: object) -> bool:
         if isinstance(value, tuple):
