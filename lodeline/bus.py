@@ -149,6 +149,10 @@ class Session:
         closer = threading.Thread(target=self._session.close, daemon=True)
         closer.start()
         closer.join(timeout)
+        for thread in self._threads:
+            # One that comes back from zenoh while the interpreter ends would abort the process.
+            if thread is not threading.current_thread():
+                thread.join(timeout)
 
 
 class Peer(Session):
