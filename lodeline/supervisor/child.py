@@ -138,7 +138,7 @@ class Child:
             self._due = now + timing.grace
 
     def excuse(self, seconds: float) -> None:
-        """The supervisor itself was held up for so long: that is not its children's fault."""
+        """The supervisor itself was held up for so long: wait that much longer."""
         self._due += seconds
 
     def forbid(self) -> None:

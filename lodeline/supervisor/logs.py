@@ -32,11 +32,21 @@ CONTROLS = {code: f"\\x{code:02x}" for code in (*range(9), *range(10, 32), *rang
 
 
 class Console:
-    """Writes lines in a thread of its own: `HH:MM:SS.mmm node | text`."""
+    """Writes lines in a thread of its own: `HH:MM:SS.mmm node | text`.
 
-    def __init__(self, descriptor: int, names: list[str], colour: bool) -> None:
+    `also(name, text)` gets each line too, and must not take long.
+    """
+
+    def __init__(
+        self,
+        descriptor: int,
+        names: list[str],
+        colour: bool,
+        also: Callable[[str, str], None] = lambda _name, _text: None,
+    ) -> None:
         # Bare writes: a daemon thread stuck in a buffered stream would hold up the exit.
         self._descriptor = descriptor
+        self._also = also
         self._width = max(len(name) for name in (OURS, *names))
         self._colours: dict[str, int] = {}
         if colour:
@@ -50,6 +60,7 @@ class Console:
 
     def line(self, name: str, text: str) -> None:
         """A line that a node printed."""
+        self._also(name, text)
         now = time.time()
         clock = time.strftime("%H:%M:%S", time.localtime(now)) + f".{int(now % 1 * 1000):03d}"
         self._put(f"{clock} {self._painted(name)} | {text}")

@@ -168,9 +168,8 @@ class Supervisor:
             await asyncio.sleep(expected - time.monotonic())
             now = time.monotonic()
             for child in self.children:
-                # If we were stopped ourselves, or starved, their beats wait to be read.
+                # Whatever stopped or starved us may have done the same to them.
                 if now - expected > HELD_UP_S:
-                    child.listen()
                     child.excuse(now - expected)
                 child.check(now)
             if now - sampled >= SAMPLE_S:

@@ -32,12 +32,13 @@ def stop(_number: int, _frame: object) -> None:
 
 
 def start_helpers() -> None:
-    """A helper in our group, one in a session of its own, one that is stopped."""
+    """A helper in our group, one in a session of its own, one stopped, one without our marks."""
     near = subprocess.Popen(SLEEPER)
     far = subprocess.Popen(SLEEPER, start_new_session=True)
     still = subprocess.Popen(SLEEPER)
     os.kill(still.pid, signal.SIGSTOP)
-    tell(f"helpers {near.pid} {far.pid} {still.pid}")
+    bare = subprocess.Popen(SLEEPER, env={})
+    tell(f"helpers {near.pid} {far.pid} {still.pid} {bare.pid}")
 
 
 def beat_through_a_child() -> None:

@@ -128,22 +128,30 @@ def test_the_run_is_over_with_code_5_when_the_last_node_failed(supervise: Start)
 
 def test_a_helper_goes_with_its_node(supervise: Start) -> None:
     up = supervise(("imu", "tree"))
-    near, _, still = map(int, up.wait("imu", r"helpers (\d+) (\d+) (\d+)").groups())
+    found = up.wait("imu", r"helpers (\d+) (\d+) (\d+) (\d+)").groups()
+    near, _, still, bare = map(int, found)
     os.kill(up.pid("imu"), signal.SIGKILL)
     up.wait("imu", "start", 2)
-    assert not alive(near) and not alive(still)
+    assert not any(map(alive, (near, still, bare)))
 
 
-def test_nodes_outlive_a_pause_of_the_supervisor(supervise: Start) -> None:
+@pytest.mark.parametrize("who", ["the supervisor", "the machine"])
+def test_nodes_outlive_a_pause(supervise: Start, who: str) -> None:
     up = supervise(("source", "good"), ("sink", "good"), watchdog=1.0)
-    up.wait("sink", "order go")
-    up.signal(signal.SIGSTOP)
+    for name in ("source", "sink"):
+        up.wait(name, "order go")
+    nodes = [up.pid("source"), up.pid("sink")]
+    paused = [up.process.pid, *(nodes if who == "the machine" else [])]
+    for pid in paused:
+        os.kill(pid, signal.SIGSTOP)
     began = time.monotonic()
-    until(lambda: time.monotonic() - began > 2.0, 4.0)
-    up.signal(signal.SIGCONT)
-    until(lambda: time.monotonic() - began > 3.5, 5.0)
+    until(lambda: time.monotonic() - began > 1.5, 3.0)
+    for pid in paused:
+        os.kill(pid, signal.SIGCONT)
+    until(lambda: time.monotonic() - began > 3.0, 5.0)
     assert not up.said("lodeline", "NODE_SILENT")
-    assert (up.starts("source"), up.starts("sink")) == (1, 1)
+    assert [up.pid("source"), up.pid("sink")] == nodes
+    assert all(map(alive, nodes))
 
 
 def test_nodes_see_no_more_of_the_environment_than_they_need(supervise: Start) -> None:
