@@ -15,7 +15,7 @@ import shutil
 import stat
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import TracebackType
 
@@ -46,8 +46,20 @@ class Key:
 
 
 @dataclass(frozen=True, slots=True)
+class Reader:
+    """A node that reads a key: how many samples may wait for it, and how old they may be [s]."""
+
+    node: str
+    queue: int
+    max_age: float | None
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
-    """What runs in a run folder. `started` [s] is UNIX time; `nodes` gives each its process."""
+    """What runs in a run folder. `started` [s] is UNIX time; `nodes` gives each its process.
+
+    `readers` are the nodes of all hosts that read a key, by key.
+    """
 
     name: str
     hosts: tuple[str, ...]
@@ -58,6 +70,7 @@ class Manifest:
     clock: str
     keys: dict[str, Key]
     nodes: dict[str, str]
+    readers: dict[str, tuple[Reader, ...]] = field(default_factory=dict)
 
     @property
     def host(self) -> str:
@@ -181,6 +194,10 @@ def _manifests(base: Path) -> Iterator[Running]:
             values = json.loads(file.read_text(encoding="utf-8"))
             values["keys"] = {key: Key(**known) for key, known in values["keys"].items()}
             values["hosts"] = tuple(values["hosts"])
+            values["readers"] = {
+                key: tuple(Reader(**reader) for reader in readers)
+                for key, readers in values["readers"].items()
+            }
             manifest = Manifest(**values)
         except (OSError, ValueError, KeyError, TypeError):
             continue  # gone in this moment, or written by another version

@@ -26,7 +26,7 @@ EXIT_FAILED, EXIT_USAGE, EXIT_INVALID = 1, 2, 3
 def main(argv: list[str]) -> int:
     """Run `lodeline up`; the exit code."""
     began = time.monotonic()
-    arguments = _parser().parse_args(argv)
+    arguments = parser().parse_args(argv)
     from lodeline.pipeline.load import PipelineError, find, load
 
     try:
@@ -53,7 +53,8 @@ def main(argv: list[str]) -> int:
         return EXIT_FAILED
 
 
-def _parser() -> argparse.ArgumentParser:
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline up` takes."""
     parser = argparse.ArgumentParser(
         prog="lodeline up",
         description=__doc__,
@@ -90,13 +91,16 @@ def _up(pipeline: Pipeline, hosts: Sequence[str], seconds: float | None, began: 
     from lodeline.bus import Hub
     from lodeline.clock import epoch_offset
     from lodeline.run_folder import RunFolder, marker_of
+    from lodeline.supervisor.logbook import LogBook
     from lodeline.supervisor.logs import Console
     from lodeline.supervisor.plan import plans_of
     from lodeline.supervisor.supervisor import Supervisor
 
     with RunFolder(pipeline.name, hosts) as run:
         plans = plans_of(pipeline, hosts, run.path, epoch_offset())
-        console = Console(sys.stderr.fileno(), [plan.name for plan in plans], _coloured())
+        book = LogBook()
+        names = [plan.name for plan in plans]
+        console = Console(sys.stderr.fileno(), names, _coloured(), book.add)
         try:
             nodes = sum(len(plan.nodes) for plan in plans)
             size = f"{_count(nodes, 'node')} in {_count(len(plans), 'process', 'es')}"
@@ -118,17 +122,26 @@ def _up(pipeline: Pipeline, hosts: Sequence[str], seconds: float | None, began: 
                     plans, run.path, console, [marker_of(run.path)], on_release=on_release
                 )
                 hub.serve(f"{pipeline.name}/@ps/{manifest.host}", supervisor.report)
+                log_key = f"{pipeline.name}/@log/{manifest.host}"
+                hub.serve(log_key, book.kept)
+                book.publish(hub.publisher(log_key, "application/json"))
                 return asyncio.run(supervisor.run(seconds))
             finally:
+                book.close()
                 hub.close(timeout=1.0)
         finally:
             console.close()
 
 
 def _manifest(pipeline: Pipeline, hosts: Sequence[str]) -> Manifest:
-    from lodeline.run_folder import Key, Manifest
+    from lodeline.run_folder import Key, Manifest, Reader
 
     senders = {key: spec for spec in pipeline.nodes for key in spec.outputs.values()}
+    readers: dict[str, tuple[Reader, ...]] = {}
+    for spec in pipeline.nodes:
+        for edge in spec.inputs.values():
+            reader = Reader(spec.name, edge.queue, edge.max_age)
+            readers[edge.key] = (*readers.get(edge.key, ()), reader)
     return Manifest(
         name=pipeline.name,
         hosts=tuple(hosts),
@@ -142,6 +155,7 @@ def _manifest(pipeline: Pipeline, hosts: Sequence[str]) -> Manifest:
             for key, kind in pipeline.key_types().items()
         },
         nodes={spec.name: spec.process for spec in pipeline.nodes if spec.host in hosts},
+        readers=readers,
     )
 
 
