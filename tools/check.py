@@ -17,7 +17,7 @@ INVALID = 3
 
 
 def main(argv: list[str]) -> int:
-    arguments = _arguments(argv)
+    arguments = parser().parse_args(argv)
     try:
         file = find(arguments.file)
         pipeline = load(file, arguments.set)
@@ -34,7 +34,8 @@ def main(argv: list[str]) -> int:
     return 0
 
 
-def _arguments(argv: list[str]) -> argparse.Namespace:
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline check` takes."""
     parser = argparse.ArgumentParser(prog="lodeline check", description=__doc__)
     parser.add_argument(
         "file", nargs="?", help="pipeline file or name of a profile (default: ./pipeline.yaml)"
@@ -43,7 +44,7 @@ def _arguments(argv: list[str]) -> argparse.Namespace:
         "--set", action="append", default=[], metavar="NODE.PARAM=VALUE", help="override a param"
     )
     parser.add_argument("--json", action="store_true", help="print JSON")
-    return parser.parse_args(argv)
+    return parser
 
 
 def _described(pipeline: Pipeline) -> dict[str, object]:

@@ -19,14 +19,7 @@ RIGHT = ("PID", "RESTARTS", "UPTIME", "CPU", "RSS")
 
 def main(argv: list[str]) -> int:
     """Run `lodeline ps`; the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="lodeline ps",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--name", help="this pipeline only")
-    parser.add_argument("--json", action="store_true", help="one JSON list on standard output")
-    arguments = parser.parse_args(argv)
+    arguments = parser().parse_args(argv)
     from lodeline.run_folder import running
 
     here = running(arguments.name)
@@ -51,6 +44,18 @@ def main(argv: list[str]) -> int:
     elif reports:
         print("\n\n".join(_shown(report) for report in reports.values()))
     return EXIT_FAILED if silent else 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline ps` takes."""
+    parser = argparse.ArgumentParser(
+        prog="lodeline ps",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--name", help="this pipeline only")
+    parser.add_argument("--json", action="store_true", help="one JSON list on standard output")
+    return parser
 
 
 def _ask(folder: Path, key: str) -> dict[str, dict[str, Any]]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # MCAP and YAML are loaded when the arguments are known to be
 
 def main(argv: list[str]) -> int:
     """Exit 0 fine, 1 the recording cannot be used or a node failed, 3 invalid pipeline."""
-    args = _arguments(argv)
+    args = parser().parse_args(argv)
     from lodeline.pipeline.load import PipelineError, find, load
 
     from lodeline.recording import RecordingError
@@ -43,7 +43,8 @@ def main(argv: list[str]) -> int:
     return 1 if outcome.failed else 0
 
 
-def _arguments(argv: list[str]) -> argparse.Namespace:
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline replay` takes."""
     parser = argparse.ArgumentParser("lodeline replay", description=__doc__)
     parser.add_argument("recording", type=Path, help="MCAP file")
     parser.add_argument(
@@ -60,7 +61,7 @@ def _arguments(argv: list[str]) -> argparse.Namespace:
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="recording of it all")
     parser.add_argument("--force", action="store_true", help="replace the output if it exists")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    return parser.parse_args(argv)
+    return parser
 
 
 def _replay(pipeline: Pipeline, args: argparse.Namespace) -> Outcome:
