@@ -22,7 +22,6 @@ def main(argv: list[str]) -> int:
     """Exit 0 fine, 1 the recording cannot be used or a node failed, 3 invalid pipeline."""
     args = parser().parse_args(argv)
     from lodeline.pipeline.load import PipelineError, find, load
-
     from lodeline.recording import RecordingError
 
     try:
