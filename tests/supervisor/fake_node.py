@@ -16,8 +16,10 @@ SLEEPER = [sys.executable, "-c", "import time; time.sleep(600)"]
 
 
 def tell(text: str) -> None:
-    """A line on the log."""
-    print(text, flush=True)
+    """A line on the log; bare writes, for `stop` may come in the middle of another."""
+    data = f"{text}\n".encode()
+    while data:
+        data = data[os.write(1, data) :]
 
 
 def speak(text: str) -> None:
