@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
-from lodeline.bus import BusError, Client
+from lodeline.bus import BusError, Client, Publisher
 from lodeline.params import nearest
 from lodeline.run_folder import Key, Running, running
 from lodeline_msgs import DecodeError, NodeStatus, unpack
 
 PATIENCE_S = 2.0
 """After this long without an answer, a tool says what it waits for."""
+LOOK_S = 1.0
+"""How often a tool that waits looks whether the pipeline still runs."""
 
 
 class NothingThereError(Exception):
-    """Nothing runs, or no such key: exit code 4."""
+    """Nothing runs, or runs no more, or no such key: exit code 4."""
 
 
 def choose(name: str | None) -> Running:
@@ -50,14 +53,21 @@ class Watch:
             ) from None
         self._changed = threading.Condition()
         self._statuses: dict[str, NodeStatus] = {}
+        self._asked = False
+        self._silent: list[str] = []
 
     def keys(self) -> dict[str, Key]:
         """Keys of the pipeline without its name, and what is known of each."""
         return self._target.keys()
 
+    def all_keys(self) -> dict[str, Key]:
+        """The same, and the key on which each node reports on itself."""
+        status = {f"status/{node}": Key(NodeStatus.__name__, node) for node in self.manifest.nodes}
+        return self.keys() | status
+
     def full_key(self, name: str) -> str:
         """The key meant by a name: whole, without the pipeline, or the end of just one key."""
-        keys = self.keys()
+        keys = self.all_keys()
         short = name.removeprefix(f"{self.manifest.name}/")
         meant = [key for key in keys if key == short] or [
             key for key in keys if key.endswith(f"/{short}")
@@ -68,14 +78,40 @@ class Watch:
             raise NothingThereError(f"{name!r} may be {' or '.join(meant)}")
         raise NothingThereError(f"no key {name!r} in {self.manifest.name}{nearest(short, keys)}")
 
+    def still_there(self) -> bool:
+        """Whether the pipeline still runs under the same supervisor."""
+        pid, name = self.manifest.pid, self.manifest.name
+        return any(item.manifest.pid == pid for item in running(name))
+
+    def ticks(self, period: float) -> Iterator[None]:
+        """Yields now and every `period` seconds; NothingThereError when the pipeline is gone."""
+        due = looked = time.monotonic()
+        while True:
+            yield
+            due = max(due + period, now := time.monotonic())
+            time.sleep(due - now)
+            if due - looked >= LOOK_S:
+                looked = due
+                if not self.still_there():
+                    raise NothingThereError(f"{self.manifest.name} runs no more")
+
     def statuses(self, timeout: float) -> dict[str, NodeStatus]:
-        """The newest status of each node, as soon as every node of the pipeline has one."""
+        """The newest status of each node, as soon as every node of the pipeline has one.
+
+        After `timeout` seconds it is those that there are, and a word about the others.
+        """
+        nodes = set(self.manifest.nodes)
         with self._changed:
-            if not self._statuses:
+            if not self._asked:
+                self._asked = True
                 self._client.subscribe_kept(f"{self.manifest.name}/status/*", self._on_status)
-            nodes = set(self.manifest.nodes)
             self._changed.wait_for(lambda: nodes <= set(self._statuses), timeout)
-            return dict(self._statuses)
+            silent = [node for node in self.manifest.nodes if node not in self._statuses]
+            statuses = {node: self._statuses[node] for node in nodes & set(self._statuses)}
+        if silent and silent != self._silent:
+            print(f"waiting for a status of {', '.join(silent)}", file=sys.stderr, flush=True)
+        self._silent = silent
+        return {node: statuses[node] for node in self.manifest.nodes if node in statuses}
 
     def _on_status(self, _key: str, data: bytes, _encoding: str) -> None:
         try:
@@ -89,29 +125,67 @@ class Watch:
                 self._statuses[status.node] = status
             self._changed.notify_all()
 
+    def processes(self) -> dict[str, dict[str, Any]]:
+        """What the supervisors say of the process of each node, by node."""
+        reports = self.ask("@ps")
+        return {
+            node: process
+            for report in reports.values()
+            for process in report["processes"]
+            for node in process["nodes"]
+        }
+
+    def ask(self, what: str) -> dict[str, Any]:
+        """Answers of the supervisors to `NAME/WHAT/HOST`, by host."""
+        answers = self._client.ask(f"{self.manifest.name}/{what}/*")
+        return {key.rpartition("/")[2]: json.loads(data) for key, data in answers}
+
+    def subscribe(self, key: str, queue: int, take: Callable[[str, bytes, str], None]) -> None:
+        """Call `take(key, data, encoding)`, in a thread, for each sample of a full key."""
+        self._client.subscribe(key, queue, take)
+
+    def publisher(self, key: str, encoding: str) -> Publisher:
+        """A way to send on a full key."""
+        return self._client.publisher(key, encoding)
+
     def follow(
         self, key: str, take: Callable[[bytes, str], bool], timeout: float | None = None
     ) -> bool:
         """Give each sample of a full key to `take` (data, encoding) until it returns False.
 
-        Says on standard error what it waits for. False if `timeout` seconds pass first.
+        Says on standard error what it waits for. False if `timeout` seconds pass first;
+        NothingThereError if the pipeline ends.
         """
         done = threading.Event()
         first = threading.Event()
+        failures: list[BaseException] = []
 
         def on_sample(_key: str, data: bytes, encoding: str) -> None:
             first.set()
-            if not done.is_set() and not take(data, encoding):
+            if done.is_set():
+                return
+            try:
+                more = take(data, encoding)
+            except BaseException as error:
+                failures.append(error)
+                more = False
+            if not more:
                 done.set()
 
-        self._client.subscribe(key, 256, on_sample)
-        end = None if timeout is None else time.monotonic() + timeout
-        patience = PATIENCE_S if end is None else min(PATIENCE_S, timeout or 0.0)
-        if not first.wait(patience):
+        self.subscribe(key, 256, on_sample)
+        begun = time.monotonic()
+        end = float("inf") if timeout is None else begun + timeout
+        if not first.wait(min(PATIENCE_S, end - begun)):
             print(f"waiting for a sample of {key}", file=sys.stderr, flush=True)
-        while not done.wait(0.1):
-            if end is not None and time.monotonic() >= end:
+        look = time.monotonic() + LOOK_S
+        while not done.wait(max(0.0, min(look, end) - time.monotonic())):
+            if time.monotonic() >= end:
                 return False
+            if not self.still_there():
+                raise NothingThereError(f"{self.manifest.name} runs no more")
+            look = time.monotonic() + LOOK_S
+        if failures:
+            raise failures[0]
         return True
 
     def __enter__(self) -> Self:

@@ -1,8 +1,8 @@
-"""Look at the keys of a running pipeline: list, echo, hz.
+"""Look at the keys of a running pipeline: list, info, echo, hz, bw, delay; send on them: pub.
 
-`list` and `hz` read the counters that every node publishes once a second: watching costs the
-pipeline nothing. A key may be named without the pipeline's name, or by its end if that is unique.
-Exit codes: 0 shown, 1 nothing came in time, 2 usage, 4 nothing runs or no such key.
+All but echo and pub read the counters that every node publishes once a second: watching costs
+the pipeline nothing. A key may be named without the pipeline's name, or by its end if that is
+unique. Exit codes: 0 shown, 1 nothing came in time, 2 usage, 4 nothing runs or no such key.
 """
 
 from __future__ import annotations
@@ -10,54 +10,102 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lodeline.tables import table
+from lodeline.terminal.samples import make_message, read_values, sample_text
+from lodeline.terminal.traffic import (
+    Row,
+    bw_table,
+    delay_table,
+    hz_table,
+    milliseconds,
+    number,
+    traffic,
+)
 from lodeline.watch import PATIENCE_S, NothingThereError, Watch, choose
-from lodeline_msgs import DecodeError, NodeStatus, class_of, stamp_text, unpack_map
+from lodeline_msgs import MESSAGES, DecodeError, encoding_of, field_specs, pack
 
-EXIT_FAILED, EXIT_NOTHING = 1, 4
+if TYPE_CHECKING:  # the bus is loaded by `lodeline.watch`
+    from lodeline.bus import Publisher
+
+EXIT_FAILED, EXIT_USAGE, EXIT_NOTHING = 1, 2, 4
 STATUS_PERIOD_S = 1.0
+TABLES: dict[str, Callable[[list[Row]], str]] = {
+    "hz": hz_table,
+    "bw": bw_table,
+    "delay": delay_table,
+}
 
 
 def main(argv: list[str]) -> int:
     """Run `lodeline topic`; the exit code."""
-    arguments = _parser().parse_args(argv)
-    verb: Callable[[Watch, argparse.Namespace], int] = arguments.run
+    arguments = parser().parse_args(argv)
     try:
+        if getattr(arguments, "bag", None) is not None:
+            return _echo_bag(arguments)
         with Watch(choose(arguments.name)) as watch:
+            verb: Callable[[Watch, argparse.Namespace], int] = arguments.run
             return verb(watch, arguments)
     except NothingThereError as error:
         print(error, file=sys.stderr)
         return EXIT_NOTHING
 
 
-def _parser() -> argparse.ArgumentParser:
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline topic` takes."""
     parser = argparse.ArgumentParser(
         prog="lodeline topic",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    verbs = parser.add_subparsers(required=True, metavar="list|echo|hz")
+    verbs = parser.add_subparsers(required=True, metavar="VERB")
     common = argparse.ArgumentParser(add_help=False)
-    common.add_argument("--name", help="which pipeline, if several run")
+    common.add_argument("--name", metavar="PIPELINE", help="which pipeline, if several run")
     common.add_argument("--json", action="store_true", help="JSON on standard output")
 
     listing = verbs.add_parser("list", parents=[common], help="keys, classes, sources, rates")
     listing.set_defaults(run=_list)
 
+    info = verbs.add_parser(
+        "info", parents=[common], help="all that is known of a key: fields, source, readers"
+    )
+    info.add_argument("key")
+    info.set_defaults(run=_info)
+
     echo = verbs.add_parser("echo", parents=[common], help="print samples as they come")
     echo.add_argument("key")
     echo.add_argument("-n", "--count", type=_count, help="stop after so many samples")
-    echo.add_argument("--timeout", type=float, metavar="S", help="give up after so many seconds")
+    echo.add_argument("--timeout", type=_positive, metavar="S", help="give up after S seconds")
+    echo.add_argument("--bag", type=Path, metavar="FILE", help="samples of a recording instead")
     echo.set_defaults(run=_echo)
 
-    hz = verbs.add_parser("hz", parents=[common], help="rates, as the sending nodes count them")
-    hz.add_argument("keys", nargs="*", metavar="key", help="default: all")
-    hz.add_argument("-f", "--follow", action="store_true", help="again every second, until Ctrl-C")
-    hz.set_defaults(run=_hz)
+    for name, caption in (
+        ("hz", "rates, as the sending nodes count them, and losses"),
+        ("bw", "bandwidths, as the sending nodes count them"),
+        ("delay", "ages of samples on arrival, as the reading nodes measure them"),
+    ):
+        verb = verbs.add_parser(name, parents=[common], help=caption)
+        verb.add_argument("keys", nargs="*", metavar="key", help="default: all")
+        verb.add_argument(
+            "-f", "--follow", action="store_true", help="again every second, until Ctrl-C"
+        )
+        verb.set_defaults(run=_traffic, table=TABLES[name])
+
+    pub = verbs.add_parser(
+        "pub", parents=[common], help="send on a key that the pipeline takes from outside"
+    )
+    pub.add_argument("key")
+    pub.add_argument(
+        "values", nargs="+", help="field=value, or a map: '{v: 0.1, w: 0}'; stamp and seq are made"
+    )
+    pub.add_argument("--rate", type=_positive, metavar="HZ", help="again and again, until Ctrl-C")
+    pub.add_argument("-n", "--count", type=_count, help="stop after so many (default: 1, or all)")
+    pub.set_defaults(run=_pub)
     return parser
 
 
@@ -68,76 +116,97 @@ def _count(text: str) -> int:
     return count
 
 
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise ValueError(text)
+    return value
+
+
 def _list(watch: Watch, arguments: argparse.Namespace) -> int:
-    statuses = _statuses(watch)
-    name = watch.manifest.name
-    rows = [
-        (key, known.type, known.node, _rate(statuses, known.node, f"{name}/{key}"))
-        for key, known in watch.keys().items()
-    ]
+    statuses = watch.statuses(PATIENCE_S)
+    rows = [traffic(watch.manifest, statuses, key) for key in watch.manifest.keys]
+    classes = {key: known.type for key, known in watch.keys().items()}
     if arguments.json:
-        fields = ("key", "class", "node", "rate")
-        print(json.dumps([dict(zip(fields, row, strict=True)) for row in rows], indent=1))
+        fields = [
+            {
+                "key": row["key"],
+                "class": classes[row["key"]],
+                "node": row["node"],
+                "rate": row["rate"],
+            }
+            for row in rows
+        ]
+        print(json.dumps(fields, indent=1))
     else:
-        cells = [(key, cls, node or "(outside)", _hz_text(rate)) for key, cls, node, rate in rows]
+        cells = [
+            (row["key"], classes[row["key"]], row["node"] or "(outside)", number(row["rate"]))
+            for row in rows
+        ]
         print(table(("KEY", "CLASS", "FROM", "HZ"), cells, right=("HZ",)))
     return 0
 
 
-def _hz(watch: Watch, arguments: argparse.Namespace) -> int:
+def _info(watch: Watch, arguments: argparse.Namespace) -> int:
+    full = watch.full_key(arguments.key)
+    short = full.removeprefix(f"{watch.manifest.name}/")
+    known = watch.all_keys()[short]
+    if full in watch.manifest.keys:
+        row = traffic(watch.manifest, watch.statuses(PATIENCE_S), full)
+    else:  # what a node says of itself is for tools alone
+        row = {"key": short, "node": known.node, "rate": None, "bandwidth": None, "to": {}}
+    specs = field_specs(MESSAGES[known.type]) if known.type in MESSAGES else ()
+    policies = {item.node: item for item in watch.manifest.readers.get(full, ())}
+    for node, seen in row["to"].items():
+        seen |= {"queue": policies[node].queue, "max_age": policies[node].max_age}
+    if arguments.json:
+        fields = [
+            {"name": spec.name, "unit": spec.unit.unit, "meaning": spec.unit.meaning}
+            for spec in specs
+        ]
+        print(json.dumps({**row, "class": known.type, "fields": fields}, indent=1))
+        return 0
+    rate = "" if row["rate"] is None else f", {row['rate']:.1f} Hz"
+    print(f"{full}: {known.type} from {known.node or 'outside'}{rate}\n")
+    cells = [(spec.name, spec.unit.unit or "-", spec.unit.meaning) for spec in specs]
+    print(table(("FIELD", "UNIT", "MEANING"), cells))
+    print(f"\n{_readers_table(row)}" if row["to"] else "\nno node reads it")
+    return 0
+
+
+def _readers_table(row: Row) -> str:
+    headings = ("READ BY", "QUEUE", "MAX AGE", "RECEIVED", "LOST", "LATE", "AGE P50", "P99")
+    cells = [
+        (
+            node,
+            "newest" if seen["queue"] == 1 else f"newest {seen['queue']}",
+            "any" if seen["max_age"] is None else f"{seen['max_age']:g} s",
+            *("-" if seen[name] is None else str(seen[name]) for name in _COUNTERS),
+            milliseconds(seen["age_p50"]),
+            milliseconds(seen["age_p99"]),
+        )
+        for node, seen in row["to"].items()
+    ]
+    return table(headings, cells, right=headings[3:])
+
+
+_COUNTERS = ("received", "lost", "late")
+
+
+def _traffic(watch: Watch, arguments: argparse.Namespace) -> int:
     keys = [watch.full_key(name) for name in arguments.keys] or list(watch.manifest.keys)
-    while True:
-        statuses = _statuses(watch)
-        rows = [_traffic(watch, statuses, key) for key in keys]
-        if arguments.json:
-            print(json.dumps(rows), flush=True)
-        else:
-            print(_hz_table(rows), flush=True)
+    if unknown := [key for key in keys if key not in watch.manifest.keys]:
+        raise NothingThereError(f"{unknown[0]} is what a node says of itself: nobody counts that")
+    patience = PATIENCE_S
+    for _ in watch.ticks(STATUS_PERIOD_S):
+        statuses = watch.statuses(patience)
+        patience = 0.0
+        rows = [traffic(watch.manifest, statuses, key) for key in keys]
+        text = json.dumps(rows) if arguments.json else arguments.table(rows)
+        print(text, end="\n" if arguments.json or not arguments.follow else "\n\n", flush=True)
         if not arguments.follow:
-            return 0
-        time.sleep(STATUS_PERIOD_S)
-        print()
-
-
-def _traffic(watch: Watch, statuses: dict[str, NodeStatus], key: str) -> dict[str, Any]:
-    """Rate of a key by its sender, and what became of its samples at each receiver."""
-    known = watch.manifest.keys[key]
-    return {
-        "key": key.removeprefix(f"{watch.manifest.name}/"),
-        "node": known.node,
-        "rate": _rate(statuses, known.node, key),
-        "to": {
-            status.node: {
-                "age_p50": status.age_p50.get(key),
-                "age_p99": status.age_p99.get(key),
-                "lost": status.lost[key],
-                "late": status.late[key],
-            }
-            for status in statuses.values()
-            if key in status.received
-        },
-    }
-
-
-def _hz_table(rows: list[dict[str, Any]]) -> str:
-    cells = []
-    for row in rows:
-        readers = row["to"] or {"": {"age_p50": None, "age_p99": None, "lost": "", "late": ""}}
-        for place, (node, seen) in enumerate(readers.items()):
-            first = place == 0
-            cells.append(
-                (
-                    row["key"] if first else "",
-                    _hz_text(row["rate"]) if first else "",
-                    node,
-                    _ms_text(seen["age_p50"]),
-                    _ms_text(seen["age_p99"]),
-                    str(seen["lost"]),
-                    str(seen["late"]),
-                )
-            )
-    numbers = ("HZ", "AGE P50", "P99", "LOST", "LATE")
-    return table(("KEY", "HZ", "READ BY", *numbers[1:]), cells, right=numbers)
+            break
+    return 0
 
 
 def _echo(watch: Watch, arguments: argparse.Namespace) -> int:
@@ -145,10 +214,7 @@ def _echo(watch: Watch, arguments: argparse.Namespace) -> int:
 
     def show(data: bytes, encoding: str) -> bool:
         nonlocal left
-        try:
-            print(_sample_text(data, encoding, arguments.json), flush=True)
-        except DecodeError as error:
-            print(error, file=sys.stderr)
+        _print_sample(data, encoding, arguments.json)
         if left is not None:
             left -= 1
         return left is None or left > 0
@@ -157,58 +223,85 @@ def _echo(watch: Watch, arguments: argparse.Namespace) -> int:
     return 0 if watch.follow(key, show, arguments.timeout) else EXIT_FAILED
 
 
-def _sample_text(data: bytes, encoding: str, as_json: bool) -> str:
-    """A sample as one line of JSON, or as lines of `field: value unit`."""
-    values = unpack_map(data)
-    if as_json:
-        return json.dumps(values)
-    units = {spec.name: spec.unit.unit for spec in _specs(encoding)}
-    lines = [
-        f"{name}: {_value_text(name, value)} {units.get(name, '')}"
-        for name, value in values.items()
-    ]
-    return "\n".join([*(line.rstrip() for line in lines), "---"])
+def _echo_bag(arguments: argparse.Namespace) -> int:
+    from lodeline.params import nearest
+    from lodeline.recording import RecordingError
+    from lodeline.recording.read import Recording
 
-
-def _specs(encoding: str) -> Any:
-    from lodeline_msgs import field_specs
-
+    name = arguments.key
     try:
-        return field_specs(class_of(encoding))
-    except DecodeError:
-        return ()
+        with Recording(arguments.bag) as recording:
+            types = {key: info.type for key, info in recording.channels.items() if info.type}
+            meant = [key for key in types if key == name] or [
+                key for key in types if key.endswith(f"/{name}")
+            ]
+            if len(meant) != 1:
+                what = f"{name!r} may be {' or '.join(meant)}" if meant else f"no key {name!r}"
+                raise NothingThereError(f"{arguments.bag}: {what}{nearest(name, types)}")
+            for place, packed in enumerate(recording.packed(meant), 1):
+                _print_sample(packed.data, encoding_of(types[meant[0]]), arguments.json)
+                if place == arguments.count:
+                    break
+    except RecordingError as error:
+        print(error, file=sys.stderr)
+        return EXIT_FAILED
+    return 0
 
 
-def _value_text(name: str, value: Any) -> str:
-    if name == "stamp" and isinstance(value, int):
-        return f"{value} ({stamp_text(value)} s)"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, tuple):
-        return f"[{', '.join(_value_text('', part) for part in value)}]"
-    return str(value)
+def _print_sample(data: bytes, encoding: str, as_json: bool) -> None:
+    try:
+        print(sample_text(data, encoding, as_json), flush=True)
+    except DecodeError as error:
+        print(error, file=sys.stderr)
 
 
-def _statuses(watch: Watch) -> dict[str, NodeStatus]:
-    """Statuses of all nodes; says so when some do not tell."""
-    statuses = watch.statuses(PATIENCE_S)
-    silent = [node for node in watch.manifest.nodes if node not in statuses]
-    if silent:
-        print(f"no status from {', '.join(silent)}", file=sys.stderr, flush=True)
-    return statuses
+def _pub(watch: Watch, arguments: argparse.Namespace) -> int:
+    key = watch.full_key(arguments.key)
+    short = key.removeprefix(f"{watch.manifest.name}/")
+    known = watch.all_keys()[short]
+    if known.node is not None:
+        outside = [name for name, other in watch.keys().items() if other.node is None]
+        print(
+            f"{short} comes from node {known.node}: two sources on one key cannot be told apart "
+            f"(from outside: {', '.join(outside) or 'none'})",
+            file=sys.stderr,
+        )
+        return EXIT_USAGE
+    cls = MESSAGES[known.type]
+    try:
+        values = read_values(arguments.values)
+        make_message(cls, values, time.time_ns(), 0)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return EXIT_USAGE
+    if watch.manifest.clock == "recording" and "stamp" not in values:
+        print(
+            f"{watch.manifest.name} takes its time from a recording: give a stamp of it too",
+            file=sys.stderr,
+        )
+        return EXIT_USAGE
+    publisher = watch.publisher(key, encoding_of(cls))
+    _await_reader(watch, publisher)
+    count = arguments.count or (None if arguments.rate else 1)
+    for seq, _ in enumerate(watch.ticks(1.0 / (arguments.rate or 10.0))):
+        message = make_message(cls, values, time.time_ns(), seq)
+        publisher.put(pack(message))
+        if arguments.json:
+            print(sample_text(pack(message), encoding_of(cls), True), flush=True)
+        if seq + 1 == count:
+            break
+    return 0
 
 
-def _rate(statuses: dict[str, NodeStatus], node: str | None, key: str) -> float | None:
-    status = statuses.get(node or "")
-    return None if status is None else status.rates.get(key)
-
-
-def _hz_text(rate: float | None) -> str:
-    return "-" if rate is None else f"{rate:.1f}"
-
-
-def _ms_text(seconds: float | None) -> str:
-    return "-" if seconds is None else f"{seconds * 1e3:.2f} ms"
+def _await_reader(watch: Watch, publisher: Publisher) -> None:
+    """Wait until somebody listens; say so if that takes long, and end if the pipeline does."""
+    changed = threading.Event()
+    publisher.on_watched = changed.set
+    for turn, _ in enumerate(watch.ticks(0.0)):
+        if publisher.watched or changed.wait(PATIENCE_S):
+            return
+        if turn == 0:
+            print(f"waiting for a reader of {publisher.key}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":
