@@ -2,12 +2,13 @@
 
 The reference is learned in the first seconds and follows slowly. Magnets and iron nearby change
 strength and dip along with the heading, so a field that is off in these is given little say about
-the heading. A reference that was itself taken beside a magnet would keep the true field out for
-ever: another field that stays the same while the body turns about is adopted in its place.
+the heading. So is one that suddenly points elsewhere: a magnet to the east or west shows in nothing
+but that. A reference that was itself taken beside a magnet would keep the true field out for ever:
+another field that stays the same while the body turns about is adopted in its place.
 """
 
 from dataclasses import dataclass
-from math import asin, sqrt, tau
+from math import asin, pi, sqrt, tau
 from typing import Annotated
 
 from lodeline.attitude.base import AttitudeParams, positive
@@ -15,6 +16,8 @@ from lodeline.rotation import Vector
 
 # Below this weight a field would take minutes to come back by itself.
 HOPELESS = 0.02
+# A field right in strength and dip that points elsewhere is believed after a quarter of this [s].
+DOUBT_TIME = 480.0
 ADOPT_TIME = 20.0  # [s] that another field must stay the same
 ADOPT_TURN = tau  # [rad] through which the body must turn in that time
 TURNING = 0.1  # [rad/s] slower rates are noise and do not count
@@ -26,6 +29,7 @@ class FieldParams(AttitudeParams):
 
     norm_tolerance: Annotated[float, "1"] = 0.045  # relative to the strength learned
     dip_tolerance: Annotated[float, "rad"] = 0.14
+    heading_tolerance: Annotated[float, "rad"] = 0.3  # beside the heading known so far
     learn_time: Annotated[float, "s"] = 5.0
     reference_time: Annotated[float, "s"] = 60.0
 
@@ -33,6 +37,7 @@ class FieldParams(AttitudeParams):
         positive(
             norm_tolerance=self.norm_tolerance,
             dip_tolerance=self.dip_tolerance,
+            heading_tolerance=self.heading_tolerance,
             learn_time=self.learn_time,
             reference_time=self.reference_time,
         )
@@ -50,6 +55,7 @@ class FieldState:
     other_turn: float = 0.0
     other_norm: float = 0.0
     other_dip: float = 0.0
+    other_off: float = 0.0
 
 
 def norm_and_dip(level_field: Vector) -> tuple[float, float]:
@@ -59,43 +65,58 @@ def norm_and_dip(level_field: Vector) -> tuple[float, float]:
     return norm, -asin(max(-1.0, min(1.0, z / norm)))
 
 
-def weigh(s: FieldState, p: FieldParams, dt: float, level_field: Vector, rate: float) -> bool:
+def weigh(
+    s: FieldState,
+    p: FieldParams,
+    dt: float,
+    level_field: Vector,
+    rate: float,
+    off: float,
+    heading_variance: float,
+) -> float:
     """Set `s.weight` (0 to 1) for a field [T] in level axes and let the reference follow it.
 
-    `dt` [s] since the field before, `rate` [rad/s] is how fast the body turns. True when the
-    reference was given up for another field, so that the heading kept until now is in doubt.
+    `dt` [s] since the field before, `rate` [rad/s] is how fast the body turns, `off` [rad] what the
+    compass says beyond a heading of `heading_variance` [rad^2]. Returns the variance [rad^2] to be
+    added to the heading's, because the field contradicts it and one of the two is wrong.
     """
     norm, dip = norm_and_dip(level_field)
     if s.field_age < 0.0:
         s.field_age, s.field_norm, s.field_dip, s.weight = 0.0, norm, dip, 1.0
-        return False
+        return 0.0
     s.field_age += dt
-    off = _strangeness(p, norm, dip, s.field_norm, s.field_dip)
-    s.weight = 1.0 / ((1.0 + off) * (1.0 + off))
+    strange = _strangeness(p, norm, dip, s.field_norm, s.field_dip)
+    turned = (off * off / (p.heading_tolerance * p.heading_tolerance + 4.0 * heading_variance)) ** 2
+    s.weight = weight = _say(strange + turned)
     if s.field_age < p.learn_time:  # a running mean
         share = dt / s.field_age if dt > 0.0 else 0.0
     else:
-        share = min(1.0, s.weight * dt / p.reference_time)
+        share = min(1.0, weight * dt / p.reference_time)
     s.field_norm += share * (norm - s.field_norm)
     s.field_dip += share * (dip - s.field_dip)
-    if s.weight >= HOPELESS:
+    if weight < HOPELESS and _adopted(s, p, dt, norm, dip, off, rate):
+        return off * off
+    if weight >= HOPELESS:
         s.other_age = 0.0
-        return False
-    return _adopted(s, p, dt, norm, dip, rate)
+    return (_say(strange) - weight) * off * off * min(1.0, dt / DOUBT_TIME)
 
 
 def _adopted(
-    s: FieldState, p: FieldParams, dt: float, norm: float, dip: float, rate: float
+    s: FieldState, p: FieldParams, dt: float, norm: float, dip: float, off: float, rate: float
 ) -> bool:
     """Watch another field; true when it has just become the reference."""
-    if s.other_age <= 0.0 or _strangeness(p, norm, dip, s.other_norm, s.other_dip) > 1.0:
-        s.other_age, s.other_turn, s.other_norm, s.other_dip = dt, 0.0, norm, dip
+    away = (off - s.other_off + pi) % tau - pi
+    strange = _strangeness(p, norm, dip, s.other_norm, s.other_dip) if s.other_age > 0.0 else 2.0
+    if strange + (away / p.heading_tolerance) ** 2 > 1.0:
+        s.other_age, s.other_turn = dt, 0.0
+        s.other_norm, s.other_dip, s.other_off = norm, dip, off
         return False
     s.other_age += dt
     s.other_turn += rate * dt if rate > TURNING else 0.0
     share = dt / s.other_age
     s.other_norm += share * (norm - s.other_norm)
     s.other_dip += share * (dip - s.other_dip)
+    s.other_off += share * away
     if s.other_age < ADOPT_TIME or s.other_turn < ADOPT_TURN:
         return False
     s.field_norm, s.field_dip, s.other_age = s.other_norm, s.other_dip, 0.0
@@ -107,3 +128,7 @@ def _strangeness(p: FieldParams, norm: float, dip: float, of_norm: float, of_dip
     a = (norm / of_norm - 1.0) / p.norm_tolerance
     b = (dip - of_dip) / p.dip_tolerance
     return a * a + b * b
+
+
+def _say(strange: float) -> float:
+    return 1.0 / ((1.0 + strange) * (1.0 + strange))

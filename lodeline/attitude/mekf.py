@@ -197,8 +197,9 @@ class Mekf(Attitude):
         s, p = self._state, self.params
         first = s.field_age < 0.0
         wx, wy, wz = s.rate
-        doubted = weigh(s, p, dt, level, sqrt(wx * wx + wy * wy + wz * wz))
         yaw = north_yaw(level, p.declination)  # what is missing in yaw
+        rate = sqrt(wx * wx + wy * wy + wz * wz)
+        doubt = weigh(s, p, dt, level, rate, yaw, s.covariance[2][2])
         steep = -level[2] / hypot(level[0], level[1])
         if first:
             s.attitude = multiply(from_euler(0.0, 0.0, yaw), s.attitude)
@@ -210,9 +211,9 @@ class Mekf(Attitude):
             rows[2][2] += p.compass_noise**2 + p.compass_wander**2
             s.covariance = _symmetric(rows)
             return
-        if doubted:
+        if doubt > 0.0:
             rows = [list(row) for row in s.covariance]
-            rows[2][2] += yaw * yaw
+            rows[2][2] += doubt
             s.covariance = _symmetric(rows)
         count = max(1.0, 2.0 * p.compass_time / dt) if dt > 0.0 else 1e9
         variance = p.compass_noise * p.compass_noise + p.compass_wander * p.compass_wander * count

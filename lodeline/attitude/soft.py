@@ -43,7 +43,7 @@ class SoftParams(FieldParams):
     # What the stamp is late by: the delay of the chip's own low-pass (MPU-9250 at 92 Hz: 3.9 ms).
     latency: Annotated[float, "s"] = 0.004
     tilt_time: Annotated[float, "s"] = 3.0
-    heading_time: Annotated[float, "s"] = 7.0
+    heading_time: Annotated[float, "s"] = 6.0
     rest_rate: Annotated[float, "rad/s"] = 0.035
     rest_acceleration: Annotated[float, "m/s^2"] = 0.5
     rest_time: Annotated[float, "s"] = 1.5
@@ -70,7 +70,8 @@ class SoftState(FieldState):
     mean_rate: Vector = _ZERO
     mean_force: Vector = _ZERO
     still: float = 0.0  # how long it has rested [s]
-    still_north: float = 0.0  # where north was in E as the rest began [rad]
+    still_north: float = 0.0  # where north was in E [rad], and how far since then a rate turned
+    still_turn: float = 0.0  # that is either bias or a slow turn [rad]
     field_wait: float = 0.0  # since the last magnetometer sample
     north: float = 0.0  # heading by the last field [rad]
     heading_variance: float = UNKNOWN_HEADING * UNKNOWN_HEADING
@@ -135,9 +136,9 @@ class Soft(Attitude):
             s.still = 0.0
             return
         if s.still == 0.0:
-            s.still_north = s.north
+            s.still_north, s.still_turn = s.north, 0.0
         s.still += dt
-        if s.still >= p.rest_time and not self._turning_steadily():
+        if s.still >= p.rest_time and not self._turning_steadily(dt):
             # one independent look at the bias per REST_MEAN_TIME
             gain = s.bias_variance / (s.bias_variance + BIAS_AT_REST * BIAS_AT_REST)
             gain *= min(1.0, dt / REST_MEAN_TIME)
@@ -145,7 +146,7 @@ class Soft(Attitude):
             s.bias = (bx + gain * (mwx - bx), by + gain * (mwy - by), bz + gain * (mwz - bz))
             s.bias_variance *= 1.0 - gain
 
-    def _turning_steadily(self) -> bool:
+    def _turning_steadily(self, dt: float) -> bool:
         """True while what looks like rest may be a smooth arc driven at a steady rate.
 
         Only about the vertical can a body turn for long without the accelerometer noticing. A rate
@@ -161,11 +162,12 @@ class Soft(Attitude):
         expected = s.bias_variance + BIAS_AT_REST * BIAS_AT_REST
         if rate * rate < 16.0 * expected:
             return False
-        turn = wrap_angle(rate * s.still)
-        if s.field_age < 0.0 or abs(turn) < CLEAR_TURN:
+        s.still_turn += rate * dt
+        if s.field_age < 0.0 or abs(s.still_turn) < CLEAR_TURN:
             return True
-        away = (s.still_north - s.north + pi) % (2.0 * pi) - pi
-        if abs(wrap_angle(away - turn)) > 0.5 * CLEAR_TURN:
+        away = s.still_north - s.north - s.still_turn
+        s.still_north, s.still_turn = s.north, 0.0
+        if abs(wrap_angle(away)) > 0.5 * CLEAR_TURN:
             return True
         s.bias_variance = rate * rate
         return False
@@ -202,13 +204,13 @@ class Soft(Attitude):
         s.north = north = north_yaw(field, p.declination)
         first = s.field_age < 0.0
         wx, wy, wz = s.rate
-        doubted = weigh(s, p, dt, field, sqrt(wx * wx + wy * wy + wz * wz))
+        off = 0.0 if first else (north - s.heading + pi) % (2.0 * pi) - pi
+        rate = sqrt(wx * wx + wy * wy + wz * wz)
+        doubt = weigh(s, p, dt, field, rate, off, s.heading_variance)
         if first:  # point there at once
             s.heading, s.heading_variance = north, COMPASS_STD * COMPASS_STD
             return
-        off = (north - s.heading + pi) % (2.0 * pi) - pi
-        if doubted:
-            s.heading_variance = max(s.heading_variance, off * off)
+        s.heading_variance = aged_variance(s.heading_variance + doubt, 0.0, 0.0)
         memory = min(p.heading_time, s.age, s.field_age)
         gain = s.weight * (dt / memory if memory > dt else 1.0)
         s.heading += gain * off

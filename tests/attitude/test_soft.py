@@ -76,6 +76,14 @@ def test_a_long_smooth_arc_is_not_mistaken_for_rest(field: Vector | None) -> Non
     assert robot.heading_error < 3.0
 
 
+def test_slow_turns_to_and_fro_are_not_learned_as_bias() -> None:
+    robot = Robot()
+    robot.drive(30.0)
+    robot.drive(300.0, lambda t: 0.05 * sin(t))
+    assert abs(degrees(robot.estimator.gyro_bias[2])) < 0.1
+    assert robot.heading_error < 2.0
+
+
 def test_a_field_five_times_too_strong_for_six_seconds_costs_less_than_two_degrees() -> None:
     robot = Robot()
     robot.drive(30.0, lambda t: 0.5 * sin(t))
@@ -86,6 +94,35 @@ def test_a_field_five_times_too_strong_for_six_seconds_costs_less_than_two_degre
     assert robot.heading_error - before < 2.0
     robot.drive(2.0)
     assert not robot.estimator.disturbed
+
+
+def turned_north(angle: float) -> Vector:
+    """The earth's field in strength and dip, but pointing elsewhere [deg, to the west]."""
+    return rotate(from_euler(0.0, 0.0, radians(angle)), EARTH)
+
+
+def test_a_magnet_to_the_side_of_north_is_noticed_by_its_jump() -> None:
+    """Strength and dip stay as they were; only the gyro knows that the robot did not turn.
+
+    Without that, two and a half time constants would take the heading 37 degrees along.
+    """
+    robot = Robot()
+    robot.drive(30.0, lambda t: 0.5 * sin(t))
+    robot.drive(15.0, lambda t: 0.5 * sin(t), turned_north(40.0))
+    assert robot.heading_error < 9.0
+    robot.drive(15.0, lambda t: 0.5 * sin(t))
+    assert robot.heading_error < 2.0
+
+
+def test_a_north_that_stays_elsewhere_is_believed_in_the_end_and_doubted_until_then() -> None:
+    """Turned unseen by 60 degrees: the gyro missed it, so the compass must win within minutes."""
+    robot = Robot()
+    robot.drive(30.0)
+    robot.yaw += radians(60.0)
+    for _ in range(24):
+        robot.drive(10.0, lambda t: 0.05 * sin(t))
+    assert robot.heading_error < 3.0
+    assert degrees(robot.estimator.heading_std) < 10.0
 
 
 def test_a_start_beside_a_magnet_is_put_right_after_driving_off() -> None:
