@@ -53,6 +53,7 @@ class Watch:
             ) from None
         self._changed = threading.Condition()
         self._statuses: dict[str, NodeStatus] = {}
+        self._came: dict[str, float] = {}
         self._asked = False
         self._silent: list[str] = []
 
@@ -123,7 +124,14 @@ class Watch:
             known = self._statuses.get(status.node)
             if known is None or status.stamp >= known.stamp:
                 self._statuses[status.node] = status
+                self._came[status.node] = time.monotonic()
             self._changed.notify_all()
+
+    def silence(self) -> dict[str, float]:
+        """How long ago [s] the newest status of each node came."""
+        now = time.monotonic()
+        with self._changed:
+            return {node: now - came for node, came in self._came.items()}
 
     def processes(self) -> dict[str, dict[str, Any]]:
         """What the supervisors say of the process of each node, by node."""

@@ -1,0 +1,51 @@
+"""A text that is shown again and again: in place on a terminal, one after the other elsewhere."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from types import TracebackType
+from typing import Self
+
+ENTER, LEAVE = "\x1b[?1049h\x1b[?25l", "\x1b[?25h\x1b[?1049l"
+HOME, END_OF_LINE, REST = "\x1b[H", "\x1b[K", "\x1b[J"
+
+
+def colours() -> bool:
+    """Whether standard output is a terminal whose user did not ask for NO_COLOR."""
+    return sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+
+
+class Screen:
+    """`with Screen() as screen: screen.show(text)`; on a terminal long lines are cut."""
+
+    def __init__(self) -> None:
+        self._terminal = sys.stdout.isatty()
+
+    def show(self, text: str) -> None:
+        """Show a text instead of the one before."""
+        if not self._terminal:
+            print(f"{text}\n", flush=True)
+            return
+        wide, high = shutil.get_terminal_size()
+        lines = [line[:wide] + END_OF_LINE for line in text.splitlines()[:high]]
+        sys.stdout.write(HOME + "\n".join(lines) + REST)
+        sys.stdout.flush()
+
+    def _write(self, code: str) -> None:
+        if self._terminal:
+            sys.stdout.write(code)
+            sys.stdout.flush()
+
+    def __enter__(self) -> Self:
+        self._write(ENTER)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._write(LEAVE)

@@ -1,0 +1,96 @@
+"""Show what the nodes of a running pipeline printed: the newest lines, and new ones with -f.
+
+With a NODE it is what this node printed, and what the supervisor says of it; `lodeline` is the
+supervisor itself. Lines of several hosts are put in order of
+time. Exit codes: 0 shown, or the pipeline that was followed has ended, 2 usage, 4 nothing runs
+or no such node, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from lodeline.params import nearest
+from lodeline.terminal.log_lines import OURS, Lines, is_about, line_text
+from lodeline.terminal.screen import colours
+from lodeline.watch import NothingThereError, Watch, choose
+
+EXIT_NOTHING = 4
+PERIOD_S = 0.2
+
+
+def main(argv: list[str]) -> int:
+    """Run `lodeline logs`; the exit code."""
+    arguments = parser().parse_args(argv)
+    try:
+        with Watch(choose(arguments.name)) as watch:
+            return _show(watch, arguments)
+    except NothingThereError as error:
+        print(error, file=sys.stderr)
+        return EXIT_NOTHING
+
+
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline logs` takes."""
+    parser = argparse.ArgumentParser(
+        prog="lodeline logs",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("nodes", nargs="*", metavar="NODE", help="of these nodes only")
+    parser.add_argument("-f", "--follow", action="store_true", help="new lines too, until Ctrl-C")
+    parser.add_argument(
+        "-n", "--lines", type=_count, metavar="LINES", help="only the newest so many of the old"
+    )
+    parser.add_argument("--name", metavar="PIPELINE", help="which one, if several run")
+    parser.add_argument("--json", action="store_true", help="one JSON object a line")
+    return parser
+
+
+def _count(text: str) -> int:
+    count = int(text)
+    if count < 0:
+        raise ValueError(text)
+    return count
+
+
+def _show(watch: Watch, arguments: argparse.Namespace) -> int:
+    wanted = {_process(watch, node) for node in arguments.nodes}
+    names = [OURS, *dict.fromkeys(watch.manifest.nodes.values())]
+    lines = Lines(watch)
+    if arguments.follow:
+        lines.follow()
+    old = [line for line in lines.kept() if is_about(line, wanted)]
+    if arguments.lines is not None:
+        old = old[len(old) - min(arguments.lines, len(old)) :]
+    coloured = colours()
+    for line in old:
+        print(json.dumps(line) if arguments.json else line_text(line, names, coloured))
+    sys.stdout.flush()
+    try:
+        for _ in watch.ticks(PERIOD_S) if arguments.follow else ():
+            for line in lines.new():
+                if is_about(line, wanted):
+                    text = json.dumps(line) if arguments.json else line_text(line, names, coloured)
+                    print(text, flush=True)
+    except NothingThereError as error:
+        print(error, file=sys.stderr)
+    return 0
+
+
+def _process(watch: Watch, node: str) -> str:
+    """The process that prints for a node: nodes that share one cannot be told apart."""
+    processes = watch.manifest.nodes
+    if node in (OURS, *processes.values()):
+        return node
+    if node not in processes:
+        raise NothingThereError(
+            f"no node {node!r} in {watch.manifest.name}{nearest(node, [*processes, OURS])}"
+        )
+    return processes[node]
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
