@@ -1,0 +1,135 @@
+"""The gateway's line to a running pipeline: found, followed, lost and found again."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from lodeline.bus import BusError, Client, Publisher
+from lodeline.dash.frames import Newest
+from lodeline.dash.scene import drive_key, file_of, scene, status_of
+from lodeline.run_folder import Manifest, Running, running
+from lodeline_msgs import DecodeError, NodeStatus, Twist, encoding_of, pack, unpack
+
+LOOK_S = 0.5
+ASK_S = 1.0
+
+
+class Run:
+    """One run of a pipeline on the bus, from its discovery to its end.
+
+    `scene` is what the page is told once, `newest` what it is drawn from.
+    """
+
+    def __init__(self, target: Running) -> None:
+        self.manifest: Manifest = target.manifest
+        self.scene: dict[str, Any] = scene(self.manifest, file_of(self.manifest))
+        self.newest = Newest(self.manifest, self.scene["floor"]["bar_x"])
+        self._statuses: dict[str, tuple[NodeStatus, float]] = {}
+        self._processes: list[dict[str, Any]] = []
+        self._client = Client(target.folder)
+        self._wheel: Publisher | None = None
+        self._commands = 0
+        for key in self.newest.keys:
+            self._client.subscribe(key, 1, self.newest.take)
+        for key in self.newest.detections:
+            self._client.subscribe(key, 64, self.newest.take_detection)
+        self._client.subscribe_kept(f"{self.manifest.name}/status/*", self._on_status)
+        if wheel := drive_key(self.manifest):
+            self._wheel = self._client.publisher(wheel, encoding_of(Twist))
+
+    def _on_status(self, _key: str, data: bytes, _encoding: str) -> None:
+        try:
+            status = unpack(data, NodeStatus)
+        except DecodeError:
+            return  # it will be silent on the page, which is what a reader can do about it
+        known = self._statuses.get(status.node)
+        if known is None or status.stamp >= known[0].stamp:
+            self._statuses[status.node] = (status, time.monotonic())
+
+    def ask_processes(self) -> None:
+        """Let the supervisors tell of their processes; waits for them, at most a second."""
+        answers = self._client.ask(f"{self.manifest.name}/@ps/*", ASK_S)
+        found: list[dict[str, Any]] = []
+        for _key, data in answers:
+            report = json.loads(data)
+            found += [item for item in report["processes"] if isinstance(item, dict)]
+        self._processes = found
+
+    def status(self) -> dict[str, Any]:
+        """How nodes and processes fare now."""
+        now = time.monotonic()
+        prefix = f"{self.manifest.name}/"
+        said = sorted(self._statuses.items())
+        return {
+            "t": "status",
+            "at": round(time.time(), 3),
+            "nodes": {name: status_of(status, prefix, now - at) for name, (status, at) in said},
+            "processes": self._processes,
+        }
+
+    def command(self, v: float, w: float) -> None:
+        """Publish a wanted speed [m/s] and yaw rate [rad/s], if the pipeline takes any."""
+        if self._wheel is not None:
+            self._wheel.put(pack(Twist(time.time_ns(), v, w, seq=self._commands)))
+            self._commands += 1
+
+    def restart(self, node: str) -> str:
+        """Ask the node's supervisor to start it again; what came of it, in words. Waits."""
+        answers = self._client.ask(f"{self.manifest.name}/@restart/*/{node}", ASK_S)
+        if not answers:
+            return f"no supervisor takes a restart of {node}"
+        return f"{node}: {answers[0][1].decode(errors='replace')[:200]}"
+
+    def close(self) -> None:
+        self._client.close()
+
+
+class Link:
+    """Follows the pipeline of a name in a thread of its own; `run` is None while it is away.
+
+    `changed()` is called from that thread whenever `run` became another one.
+    """
+
+    def __init__(self, name: str, changed: Callable[[], None]) -> None:
+        self.name = name
+        self.run: Run | None = None
+        self._changed = changed
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._follow, name="link", daemon=True)
+
+    def start(self) -> None:
+        """Begin to look."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._stop.set()
+        self._thread.join(2.0 + ASK_S)
+
+    def _follow(self) -> None:
+        asked = 0.0
+        while not self._stop.is_set():
+            found = running(self.name)
+            self._meet(found[0] if found else None)
+            if self.run is not None and time.monotonic() - asked >= ASK_S:
+                asked = time.monotonic()
+                self.run.ask_processes()
+            self._stop.wait(LOOK_S)
+        self._meet(None)
+
+    def _meet(self, target: Running | None) -> None:
+        run = self.run
+        if run is not None and (target is None or target.manifest != run.manifest):
+            self.run = None
+            self._changed()
+            run.close()
+        if target is not None and self.run is None:
+            try:
+                self.run = Run(target)
+            except BusError:
+                return  # its hub is not there yet, or no more
+            self._changed()

@@ -1,0 +1,241 @@
+// The page: takes what the gateway sends, and draws what has changed.
+
+import { $, NONE, colours, degrees, duration, el, fixed, put, readColours, svg, wrapped } from "./dom.js";
+import { Drive } from "./drive.js";
+import { Graph } from "./graph.js";
+import { healthOf, nodesOf } from "./health.js";
+import { Compass, Horizon } from "./instruments.js";
+import { Log } from "./log.js";
+import { CloseUp, FloorMap } from "./map.js";
+import { Detail, NodeTable } from "./nodes.js";
+import { Plots } from "./plots.js";
+import { Line } from "./socket.js";
+import { Store } from "./store.js";
+
+const PLOTS_MS = 160;
+const NOTE_MS = 5000;
+
+const store = new Store();
+let dirty = true;
+const redraw = () => { dirty = true; };
+const map = new FloorMap($("map"), () => { showView(); redraw(); });
+const closeUp = new CloseUp($("closeup"));
+const horizon = new Horizon($("horizon"));
+const compass = new Compass($("compass"));
+const plots = new Plots($("plots"));
+const detail = new Detail((node) => line.send({ do: "restart", node }));
+const pick = (name) => detail.open(name, store);
+const graph = new Graph($("graph"), pick);
+const table = new NodeTable($("nodes"), pick);
+const log = new Log($("log"));
+const drive = new Drive((message) => line.send(message));
+let trusted = false;
+
+function setState(state, text, alarm = "") {
+  document.documentElement.dataset.state = state;
+  put($("connection-text"), text);
+  put($("alarm"), alarm);
+  $("alarm").hidden = !alarm;
+}
+
+const line = new Line({
+  expecting: () => store.scene !== null,
+  hello(said) {
+    trusted = said.trusted;
+    detail.trusted = trusted;
+    put($("access"), trusted ? "" : "read-only");
+  },
+  scene(said) {
+    store.begin(said);
+    log.begin();
+    log.add(Date.now() / 1e3, said.name, `pipeline ${said.digest} is here`);
+    document.title = `${said.name} \u00b7 Lodeline`;
+    put($("name"), said.name);
+    put($("badge"), said.badge);
+    $("badge").dataset.kind = said.badge;
+    $("badge").hidden = false;
+    put($("hosts"), `${said.hosts.join(" + ")} \u00b7 ${said.digest}`);
+    $("error-row").hidden = !store.roles.truth;
+    plots.begin(store);
+    showLegend();
+    drive.allow(trusted && said.drive);
+    setState("live", "live");
+    showHeld();
+    redraw();
+  },
+  gone(said) {
+    drive.allow(false);
+    if (store.scene) log.add(Date.now() / 1e3, said.name, "stopped");
+    setState("gone", "DISCONNECTED", `DISCONNECTED \u2013 ${said.name} does not run. Start it with: lodeline up`);
+  },
+  past(said) {
+    for (const frame of said.frames) store.addFrame(frame);
+    redraw();
+  },
+  frame(said) {
+    store.addFrame(said);
+    redraw();
+  },
+  status(said) {
+    store.addStatus(said);
+    if (store.scene) log.watch(store.scene, said);
+    showStatus();
+  },
+  log(said) {
+    for (const [at, who, text] of said.lines) log.add(at, who, text);
+  },
+  note(said) {
+    note(said.text);
+  },
+  closed() {
+    drive.allow(false);
+    setState("disconnected", "DISCONNECTED", "DISCONNECTED \u2013 the gateway does not answer. Trying again; if it was stopped: lodeline dash");
+  },
+});
+
+let noteTimer;
+function note(text) {
+  log.add(Date.now() / 1e3, "page", text);
+  put($("note"), text);
+  $("note").classList.add("shown");
+  clearTimeout(noteTimer);
+  noteTimer = setTimeout(() => $("note").classList.remove("shown"), NOTE_MS);
+}
+
+function showLegend() {
+  const items = [
+    store.roles.pose && ["EKF", "ekf", 2.4, ""],
+    store.roles.odom && ["odometry", "odom", 2, "7 4"],
+    store.roles.truth && ["truth", "truth", 5, ""],
+  ].filter(Boolean).map(([name, colour, width, dash]) => {
+    const stroke = { d: "M0 5h24", stroke: `var(--${colour})`, "stroke-width": width, "stroke-dasharray": dash, opacity: width > 4 ? 0.5 : 1 };
+    return el("li", {}, svg("svg", { "aria-hidden": "true" }, svg("path", stroke)), name);
+  });
+  const dot = { cx: 12, cy: 5, r: 2, fill: "var(--magnet)" };
+  const ring = { cx: 12, cy: 5, r: 5, fill: "none", stroke: "var(--hit)", "stroke-width": 1.6 };
+  items.push(el("li", {}, svg("svg", { "aria-hidden": "true" }, svg("circle", dot)), "magnet"));
+  items.push(el("li", {}, svg("svg", { "aria-hidden": "true" }, svg("circle", dot), svg("circle", ring)), "seen"));
+  $("legend").replaceChildren(...items);
+}
+
+function showView() {
+  $("fit").setAttribute("aria-pressed", String(map.mode === "fit"));
+  $("follow").setAttribute("aria-pressed", String(map.mode === "follow"));
+}
+
+function showPose(frame) {
+  const { best, pose, tilt, attitude } = frame;
+  put($("x"), fixed(best?.x, 4));
+  put($("y"), fixed(best?.y, 4));
+  put($("yaw"), best ? fixed(degrees(wrapped(best.yaw)), 1) : NONE);
+  put($("bound"), frame.ellipse ? fixed(frame.ellipse.a * 1e3, 1) : NONE);
+  put($("error"), frame.error === undefined ? NONE : fixed(frame.error * 1e3, 1));
+  $("pose").dataset.seq = best?.seq ?? "";
+  $("pose").classList.toggle("ambiguous", Boolean(pose?.ambiguous));
+  put($("roll"), tilt ? fixed(degrees(tilt.roll), 1) : NONE);
+  put($("pitch"), tilt ? fixed(degrees(tilt.pitch), 1) : NONE);
+  const yaw = pose?.yaw ?? tilt?.yaw ?? best?.yaw;
+  put($("heading"), yaw === undefined ? NONE : fixed((450 - degrees(wrapped(yaw))) % 360, 0));
+  $("disturbed").hidden = !attitude?.disturbed;
+}
+
+function showStatus() {
+  if (!store.scene) return;
+  graph.draw(store);
+  table.draw(store);
+  if (detail.dialog.open) detail.draw(store);
+  const status = store.shownStatus;
+  const all = nodesOf(store.scene, status).map((name) => healthOf(name, store.scene, status));
+  const good = all.filter((health) => health.level === "good").length;
+  const cpu = Object.values(status?.nodes ?? {}).reduce((total, said) => total + said.cpu, 0);
+  put($("summary"), `${good} of ${all.length} nodes running \u00b7 ${fixed(cpu * 100, 0)} % of a core`);
+  put($("uptime"), `up ${duration(Date.now() / 1e3 - store.scene.started)}`);
+}
+
+function showHeld() {
+  const back = store.held === null ? 0 : store.newest.at - store.held;
+  $("pause").setAttribute("aria-pressed", String(store.held !== null));
+  put($("pause"), store.held === null ? "Pause" : "Go on");
+  put($("when"), store.held === null ? "now" : `\u2212${fixed(back, 1)} s`);
+  $("scrub").value = String(-back);
+  $("scrub").setAttribute("aria-valuetext", store.held === null ? "now" : `${fixed(back, 1)} seconds ago`);
+}
+
+function hold(back) {
+  store.hold(back);
+  showHeld();
+  showStatus();
+  redraw();
+}
+
+let plotted = 0;
+function draw(time) {
+  requestAnimationFrame(draw);
+  const plotsDue = dirty || plotted === 0;
+  if (!plotsDue) return;
+  dirty = false;
+  const frame = store.shown;
+  map.draw(store);
+  closeUp.draw(frame);
+  if (frame) {
+    showPose(frame);
+    horizon.draw(frame.tilt);
+    compass.draw(frame.pose?.yaw ?? frame.tilt?.yaw ?? frame.best?.yaw, frame.ellipse?.yaw ?? frame.attitude?.heading_std);
+  }
+  if (store.held !== null) showHeld();
+  if (time - plotted >= PLOTS_MS) {
+    plotted = time;
+    plots.draw(store);
+  } else if (store.held !== null) dirty = true;
+}
+
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+  readColours();
+  redraw();
+}
+
+const asked = new URLSearchParams(location.search).get("theme");
+const dark = matchMedia("(prefers-color-scheme: dark)");
+const chosen = () => localStorage.getItem("theme");
+setTheme(asked ?? chosen() ?? (dark.matches ? "dark" : "light"));
+dark.addEventListener("change", () => chosen() || setTheme(dark.matches ? "dark" : "light"));
+$("theme").addEventListener("click", () => {
+  const theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  localStorage.setItem("theme", theme);
+  setTheme(theme);
+});
+
+$("zoom-in").addEventListener("click", () => map.zoom(1.4));
+$("zoom-out").addEventListener("click", () => map.zoom(1 / 1.4));
+$("fit").addEventListener("click", () => map.setMode("fit"));
+$("follow").addEventListener("click", () => map.setMode("follow"));
+$("pause").addEventListener("click", () => (store.held === null ? hold(0.001) : hold(0)));
+$("scrub").addEventListener("input", (event) => hold(-Number(event.target.value)));
+document.addEventListener("keydown", (event) => {
+  if (event.key !== " " || event.target.closest("button, input, dialog, [role=button]")) return;
+  event.preventDefault();
+  $("pause").click();
+});
+
+const tabs = [...document.querySelectorAll("[role=tab]")];
+function choose(tab) {
+  for (const other of tabs) {
+    const on = other === tab;
+    other.setAttribute("aria-selected", String(on));
+    other.tabIndex = on ? 0 : -1;
+    $(other.getAttribute("aria-controls")).hidden = !on;
+  }
+}
+tabs.forEach((tab, i) => {
+  tab.addEventListener("click", () => choose(tab));
+  tab.addEventListener("keydown", (event) => {
+    const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+    if (!step) return;
+    const next = tabs[(i + step + tabs.length) % tabs.length];
+    choose(next);
+    next.focus();
+  });
+});
+
+requestAnimationFrame(draw);

@@ -1,0 +1,335 @@
+// The map: magnets, where they were seen, trails, the robot with its ellipse. Zoom, pan, follow.
+
+import { FONT, Surface, colours } from "./dom.js";
+
+const MARGIN = 34;
+const ROBOT_M = 0.055;
+const BAR_M = 0.035;
+
+export class FloorMap {
+  constructor(canvas, onView) {
+    this.surface = new Surface(canvas, () => this.onView());
+    this.onView = onView;
+    this.mode = "fit";
+    this.scale = 400; // px per metre
+    this.centre = [0, 0];
+    this.pointers = new Map();
+    canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    canvas.addEventListener("pointerdown", (event) => this.down(event));
+    canvas.addEventListener("pointermove", (event) => this.move(event));
+    for (const name of ["pointerup", "pointercancel"]) {
+      canvas.addEventListener(name, (event) => this.pointers.delete(event.pointerId));
+    }
+  }
+
+  setMode(mode) {
+    this.mode = mode;
+    this.onView();
+  }
+
+  wheel(event) {
+    event.preventDefault();
+    this.zoom(Math.exp(-event.deltaY * 0.0015), event.offsetX, event.offsetY);
+  }
+
+  // The floor under (px, py) stays where it is.
+  zoom(factor, px = this.surface.width / 2, py = this.surface.height / 2) {
+    const scale = Math.min(20000, Math.max(4, this.scale * factor));
+    if (this.mode !== "follow") {
+      const dx = px - this.surface.width / 2;
+      const dy = this.surface.height / 2 - py;
+      this.centre[0] += dx / this.scale - dx / scale;
+      this.centre[1] += dy / this.scale - dy / scale;
+    }
+    this.scale = scale;
+    this.setMode(this.mode === "fit" ? "free" : this.mode);
+  }
+
+  down(event) {
+    this.surface.canvas.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+  }
+
+  move(event) {
+    const before = this.pointers.get(event.pointerId);
+    if (!before) return;
+    const now = [event.offsetX, event.offsetY];
+    const other = [...this.pointers].find(([id]) => id !== event.pointerId)?.[1];
+    this.pointers.set(event.pointerId, now);
+    if (other) {
+      const length = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]);
+      this.zoom(length(now) / Math.max(1, length(before)), other[0], other[1]);
+    } else {
+      this.centre[0] -= (now[0] - before[0]) / this.scale;
+      this.centre[1] += (now[1] - before[1]) / this.scale;
+      this.setMode("free");
+    }
+  }
+
+  // All that is to be seen, with a margin; slowly enough for the eye.
+  fit(frames, last) {
+    let [west, east, south, north] = [Infinity, -Infinity, Infinity, -Infinity];
+    for (let i = 0; i <= last; i += 4) {
+      const { best } = frames[i];
+      if (!best) continue;
+      west = Math.min(west, best.x);
+      east = Math.max(east, best.x);
+      south = Math.min(south, best.y);
+      north = Math.max(north, best.y);
+    }
+    if (west > east) return;
+    const pad = 0.12;
+    const wide = (this.surface.width - MARGIN) / (east - west + 2 * pad);
+    const high = (this.surface.height - 2 * MARGIN) / (north - south + 2 * pad);
+    this.scale = Math.min(wide, high);
+    this.centre = [(west + east) / 2, (south + north) / 2];
+  }
+
+  draw(store) {
+    const index = store.shownIndex;
+    const frame = store.frames[index];
+    if (this.mode === "fit" && frame) this.fit(store.frames, index);
+    if (this.mode === "follow" && frame?.best) this.centre = [frame.best.x, frame.best.y];
+    const c = this.surface.begin();
+    if (!c) return;
+    const { width, height } = this.surface;
+    this.x = (x) => width / 2 + (x - this.centre[0]) * this.scale;
+    this.y = (y) => height / 2 - (y - this.centre[1]) * this.scale;
+    if (!store.scene) return;
+    this.lattice(c, store.scene.floor, store.frames, index);
+    this.trail(c, store.frames, index, "truth", colours.truth, 5, [], 0.35);
+    this.trail(c, store.frames, index, "odom", colours.odom, 2, [7, 4], 1);
+    this.trail(c, store.frames, index, "pose", colours.ekf, 2.4, [], 1);
+    if (frame?.best) this.robot(c, frame, store.scene.floor.bar_x);
+    this.scaleBar(c);
+  }
+
+  lattice(c, floor, frames, index) {
+    const { width, height } = this.surface;
+    const step = floor.pitch * this.scale;
+    if (step >= 5) {
+      const first = (low, origin) => Math.ceil((low - origin) / floor.pitch);
+      const west = this.centre[0] - width / 2 / this.scale;
+      const south = this.centre[1] - height / 2 / this.scale;
+      const radius = Math.min(4, Math.max(0.9, step * 0.055));
+      c.fillStyle = colours.magnet;
+      c.beginPath();
+      const i0 = first(west, floor.origin[0]);
+      const j0 = first(south, floor.origin[1]);
+      for (let i = i0; i < i0 + width / step; i += 1) {
+        const x = this.x(floor.origin[0] + i * floor.pitch);
+        for (let j = j0; j < j0 + height / step; j += 1) {
+          const y = this.y(floor.origin[1] + j * floor.pitch);
+          c.moveTo(x + radius, y);
+          c.arc(x, y, radius, 0, 7);
+        }
+      }
+      c.fill();
+    }
+    this.hits(c, floor, frames, index, step);
+  }
+
+  // A ring about each magnet that was seen, a small cross where the robot thought it to be.
+  hits(c, floor, frames, index, step) {
+    const seen = new Map();
+    c.strokeStyle = colours.hit;
+    c.lineWidth = 1;
+    c.globalAlpha = 0.7;
+    c.beginPath();
+    const arm = Math.min(4, Math.max(1.5, step * 0.06));
+    for (let n = 0; n <= index; n += 1) {
+      for (const [x, y] of frames[n].hits) {
+        const i = Math.round((x - floor.origin[0]) / floor.pitch);
+        const j = Math.round((y - floor.origin[1]) / floor.pitch);
+        seen.set(`${i} ${j}`, [i, j]);
+        if (step < 18) continue;
+        c.moveTo(this.x(x) - arm, this.y(y));
+        c.lineTo(this.x(x) + arm, this.y(y));
+        c.moveTo(this.x(x), this.y(y) - arm);
+        c.lineTo(this.x(x), this.y(y) + arm);
+      }
+    }
+    c.stroke();
+    c.globalAlpha = 1;
+    c.lineWidth = 1.6;
+    c.beginPath();
+    const radius = Math.min(11, Math.max(2, step * 0.16));
+    for (const [i, j] of seen.values()) {
+      const x = this.x(floor.origin[0] + i * floor.pitch);
+      const y = this.y(floor.origin[1] + j * floor.pitch);
+      c.moveTo(x + radius, y);
+      c.arc(x, y, radius, 0, 7);
+    }
+    c.stroke();
+  }
+
+  // Older parts fade; a jump of a quarter of a metre between frames is not a way that was driven.
+  trail(c, frames, index, who, colour, width, dash, alpha) {
+    c.strokeStyle = colour;
+    c.lineWidth = width;
+    c.lineJoin = "round";
+    const chunks = 6;
+    const size = Math.ceil((index + 1) / chunks);
+    let offset = 0;
+    for (let part = 0; part < chunks; part += 1) {
+      c.globalAlpha = alpha * (0.3 + (0.7 * (part + 1)) / chunks);
+      c.setLineDash(dash);
+      c.lineDashOffset = offset;
+      c.beginPath();
+      let last = null;
+      for (let i = part * size; i <= Math.min(index, (part + 1) * size); i += 1) {
+        const at = frames[i][who];
+        if (!at) continue;
+        const [px, py] = [this.x(at.x), this.y(at.y)];
+        const length = last ? Math.hypot(px - last[0], py - last[1]) : 0;
+        if (last && length < 0.25 * this.scale) {
+          c.lineTo(px, py);
+          offset += length;
+        } else c.moveTo(px, py);
+        last = [px, py];
+      }
+      c.stroke();
+    }
+    c.setLineDash([]);
+    c.globalAlpha = 1;
+  }
+
+  robot(c, frame, ahead) {
+    const { x, y, yaw } = frame.best;
+    const size = Math.max(ROBOT_M * this.scale, 9);
+    c.save();
+    c.translate(this.x(x), this.y(y));
+    if (frame.ellipse) {
+      c.save();
+      c.rotate(-frame.ellipse.angle);
+      c.beginPath();
+      c.ellipse(0, 0, frame.ellipse.a * this.scale, frame.ellipse.b * this.scale, 0, 0, 7);
+      c.fillStyle = colours.ekf;
+      c.globalAlpha = 0.25;
+      c.fill();
+      c.restore();
+    }
+    c.rotate(-yaw);
+    const bar = Math.max(ahead * this.scale, size * 1.4);
+    const half = Math.max(BAR_M * this.scale, 6);
+    c.strokeStyle = colours.ink;
+    c.lineWidth = 2;
+    c.beginPath();
+    c.moveTo(0, 0);
+    c.lineTo(bar, 0);
+    c.moveTo(bar, -half);
+    c.lineTo(bar, half);
+    c.stroke();
+    c.beginPath();
+    c.moveTo(size, 0);
+    c.lineTo(-size * 0.72, size * 0.72);
+    c.lineTo(-size * 0.38, 0);
+    c.lineTo(-size * 0.72, -size * 0.72);
+    c.closePath();
+    c.fillStyle = colours.panel;
+    c.strokeStyle = frame.pose ? colours.ekf : colours.odom;
+    c.globalAlpha = 0.85;
+    c.fill();
+    c.globalAlpha = 1;
+    c.lineWidth = 2.5;
+    c.stroke();
+    c.restore();
+  }
+
+  scaleBar(c) {
+    const { width, height } = this.surface;
+    const steps = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50];
+    const metres = steps.find((step) => step * this.scale >= 60) ?? 100;
+    const text = metres < 1 ? `${Math.round(metres * 100)} cm` : `${metres} m`;
+    const length = metres * this.scale;
+    const [left, y] = [Math.max(170, width / 2 - length / 2), height - 12];
+    c.strokeStyle = colours["ink-2"];
+    c.lineWidth = 1.5;
+    c.beginPath();
+    c.moveTo(left, y - 4);
+    c.lineTo(left, y);
+    c.lineTo(left + length, y);
+    c.lineTo(left + length, y - 4);
+    c.stroke();
+    c.fillStyle = colours["ink-2"];
+    c.font = `12px ${FONT}`;
+    c.textAlign = "center";
+    c.fillText(text, left + length / 2, y - 6);
+  }
+}
+
+// The estimate under a magnifying glass: its ellipse, and the truth and the odometry beside it.
+export class CloseUp {
+  constructor(canvas) {
+    this.surface = new Surface(canvas);
+  }
+
+  draw(frame) {
+    const c = this.surface.begin();
+    if (!c || !frame?.ellipse) return;
+    const size = this.surface.width;
+    const middle = size / 2;
+    const reach = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 5, 25, 100].find((m) => m > frame.ellipse.a * 1.15) ?? 100;
+    const scale = (middle - 4) / reach;
+    c.save();
+    c.beginPath();
+    c.arc(middle, middle, middle - 2, 0, 7);
+    c.fillStyle = colours.panel;
+    c.globalAlpha = 0.94;
+    c.fill();
+    c.globalAlpha = 1;
+    c.lineWidth = 1.5;
+    c.strokeStyle = colours["ink-3"];
+    c.stroke();
+    c.clip();
+    c.strokeStyle = colours.line;
+    c.lineWidth = 1;
+    c.beginPath();
+    c.moveTo(0, middle);
+    c.lineTo(size, middle);
+    c.moveTo(middle, 0);
+    c.lineTo(middle, size);
+    c.moveTo(middle * 1.5 - 2, middle);
+    c.arc(middle, middle, (middle - 4) / 2, 0, 7);
+    c.stroke();
+    this.ellipse(c, middle, scale, frame.ellipse);
+    const at = (other) => [middle + (other.x - frame.pose.x) * scale, middle - (other.y - frame.pose.y) * scale];
+    if (frame.truth) this.dot(c, at(frame.truth), colours.truth, true);
+    if (frame.odom) this.dot(c, at(frame.odom), colours.odom, false);
+    c.restore();
+    c.font = `11px ${FONT}`;
+    c.textAlign = "center";
+    c.fillStyle = colours["ink-2"];
+    const text = reach < 1 ? `radius ${reach * 1000} mm` : `radius ${reach} m`;
+    c.lineWidth = 3;
+    c.strokeStyle = colours.panel;
+    c.strokeText(text, middle, size - 12);
+    c.fillText(text, middle, size - 12);
+  }
+
+  ellipse(c, middle, scale, { a, b, angle }) {
+    c.beginPath();
+    c.ellipse(middle, middle, Math.max(1, a * scale), Math.max(1, b * scale), -angle, 0, 7);
+    c.fillStyle = colours.ekf;
+    c.globalAlpha = 0.22;
+    c.fill();
+    c.globalAlpha = 1;
+    c.strokeStyle = colours.ekf;
+    c.lineWidth = 2;
+    c.stroke();
+    c.beginPath();
+    c.arc(middle, middle, 2.5, 0, 7);
+    c.fillStyle = colours.ekf;
+    c.fill();
+  }
+
+  // The truth is a diamond, odometry a square: not by colour alone.
+  dot(c, [x, y], colour, diamond) {
+    c.save();
+    c.translate(x, y);
+    if (diamond) c.rotate(Math.PI / 4);
+    c.fillStyle = colour;
+    c.fillRect(-4, -4, 8, 8);
+    c.restore();
+  }
+}

@@ -1,0 +1,151 @@
+"""What the page is told once of a pipeline: its keys, its wiring, its floor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from lodeline.ekf import LocalizerParams
+from lodeline.pipeline.load import PipelineError, load
+from lodeline.pipeline.model import Pipeline
+from lodeline.run_folder import Manifest
+from lodeline_msgs import NodeStatus, Twist
+
+TRUTH = "truth"
+"""Last part of the key on which a simulator tells where the robot really is."""
+
+
+def badge(manifest: Manifest) -> str:
+    """REPLAY for the clock of a recording, SIMULATED where a truth is told, else LIVE."""
+    if manifest.clock == "recording":
+        return "REPLAY"
+    told = any(is_truth(key) and known.node for key, known in manifest.keys.items())
+    return "SIMULATED" if told else "LIVE"
+
+
+def is_truth(key: str) -> bool:
+    """Whether a key is the simulator's, by its last part."""
+    return key.rpartition("/")[2] == TRUTH
+
+
+def file_of(manifest: Manifest) -> Pipeline | None:
+    """The pipeline file behind what runs, unless it was changed or overridden since."""
+    try:
+        pipeline = load(Path(manifest.file))
+    except (PipelineError, OSError):
+        return None
+    return pipeline if pipeline.digest == manifest.digest else None
+
+
+def drive_key(manifest: Manifest) -> str | None:
+    """The full key that takes commands from outside, if there is just one."""
+    keys = [
+        key
+        for key, known in manifest.keys.items()
+        if known.type == Twist.__name__ and known.node is None
+    ]
+    return keys[0] if len(keys) == 1 else None
+
+
+def scene(manifest: Manifest, pipeline: Pipeline | None) -> dict[str, Any]:
+    """All that does not change while the pipeline runs, as plain values."""
+    prefix = f"{manifest.name}/"
+    return {
+        "t": "scene",
+        "name": manifest.name,
+        "badge": badge(manifest),
+        "hosts": list(manifest.hosts),
+        "started": manifest.started,
+        "digest": manifest.digest,
+        "keys": {
+            key.removeprefix(prefix): {"type": known.type, "node": known.node}
+            for key, known in manifest.keys.items()
+        },
+        "nodes": _nodes(manifest, pipeline),
+        "edges": None if pipeline is None else _edges(pipeline, prefix),
+        "floor": _floor(pipeline),
+        "drive": drive_key(manifest) is not None,
+    }
+
+
+def _nodes(manifest: Manifest, pipeline: Pipeline | None) -> dict[str, dict[str, Any]]:
+    """Nodes in the order of the data flow: their process, and the rates that they promise."""
+    if pipeline is None:
+        return {name: {"process": group, "rates": {}} for name, group in manifest.nodes.items()}
+    prefix = f"{manifest.name}/"
+    return {
+        spec.name: {
+            "process": spec.process,
+            "rates": {
+                spec.outputs[port].removeprefix(prefix): rate for port, rate in spec.rates.items()
+            },
+        }
+        for spec in pipeline.nodes
+    }
+
+
+def _edges(pipeline: Pipeline, prefix: str) -> list[dict[str, Any]]:
+    return [
+        {
+            "key": edge.key.removeprefix(prefix),
+            "to": spec.name,
+            "queue": edge.queue,
+            "max_age": edge.max_age,
+        }
+        for spec in pipeline.nodes
+        for edge in spec.inputs.values()
+    ]
+
+
+def _floor(pipeline: Pipeline | None) -> dict[str, Any]:
+    """Where the magnets lie, how far ahead the bar is, what the gate lets in.
+
+    Taken from the pipeline's localiser, or its defaults where nobody can tell.
+    """
+    specs = () if pipeline is None else pipeline.nodes
+    known = [spec.params for spec in specs if isinstance(spec.params, LocalizerParams)]
+    params = known[0] if known else LocalizerParams()
+    return {
+        "pitch": params.lattice_pitch,
+        "origin": list(params.lattice_origin),
+        "bar_x": params.bar_x,
+        "gate": params.gate,
+    }
+
+
+def brief(value: Any) -> Any:
+    """A value with floats to seven digits: more than a page can show, half as many bytes."""
+    if isinstance(value, float):
+        return float(f"{value:.7g}") if math.isfinite(value) else None
+    if isinstance(value, tuple | list):
+        return [brief(part) for part in value]
+    if isinstance(value, Mapping):
+        return {key: brief(part) for key, part in value.items()}
+    return value
+
+
+def status_of(status: NodeStatus, prefix: str, age: float) -> dict[str, Any]:
+    """What a node said of itself `age` seconds ago, its keys without the pipeline's name."""
+
+    def short(counters: Mapping[str, Any]) -> dict[str, Any]:
+        return {key.removeprefix(prefix): brief(value) for key, value in counters.items()}
+
+    return {
+        "host": status.host,
+        "state": status.state,
+        "pid": status.pid,
+        "rates": short(status.rates),
+        "age_p50": short(status.age_p50),
+        "age_p99": short(status.age_p99),
+        "received": short(status.received),
+        "lost": short(status.lost),
+        "late": short(status.late),
+        "rejected": dict(status.rejected),
+        "restarts": status.restarts,
+        "cpu": brief(status.cpu),
+        "rss": status.rss,
+        "last_error": status.last_error,
+        "age": brief(age),
+    }

@@ -1,0 +1,103 @@
+"""Show a running pipeline in a browser: map, instruments, graph, health.
+
+Serves one page on this machine only (127.0.0.1), with all it needs: it works offline. The link
+that is printed holds a token; only a page opened with it can drive the robot and restart nodes.
+Exit codes: 0 after --seconds, 1 the port is taken, 2 usage, 4 nothing runs, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import signal
+import sys
+
+EXIT_FAILED, EXIT_NOTHING, EXIT_INTERRUPTED = 1, 4, 130
+
+
+def main(argv: list[str]) -> int:
+    """Run `lodeline dash`; the exit code."""
+    arguments = parser().parse_args(argv)
+    from lodeline.watch import NothingThereError, choose
+
+    try:
+        name = choose(arguments.name).manifest.name
+    except NothingThereError as error:
+        print(error, file=sys.stderr)
+        return EXIT_NOTHING
+    try:
+        return asyncio.run(_serve(name, arguments.port, arguments.open, arguments.seconds))
+    except OSError as error:
+        print(f"cannot serve on port {arguments.port}: {error.strerror}", file=sys.stderr)
+        return EXIT_FAILED
+
+
+def parser() -> argparse.ArgumentParser:
+    """Options of `lodeline dash`."""
+    made = argparse.ArgumentParser(
+        prog="lodeline dash",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    made.add_argument("--name", help="which pipeline, if several run")
+    made.add_argument("--port", type=_port, default=0, help="default: one that is free")
+    made.add_argument("--open", action="store_true", help="open the page in a browser")
+    made.add_argument("--seconds", type=_seconds, metavar="N", help="stop after N seconds")
+    return made
+
+
+def _port(text: str) -> int:
+    port = int(text)
+    if not 0 <= port < 1 << 16:
+        raise ValueError(text)
+    return port
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0.0 <= seconds < float("inf"):
+        raise ValueError(text)
+    return seconds
+
+
+async def _serve(name: str, port: int, show: bool, seconds: float | None) -> int:
+    from lodeline.dash.gateway import Gateway
+
+    loop = asyncio.get_running_loop()
+    over: asyncio.Future[int] = loop.create_future()
+    for number, code in ((signal.SIGINT, EXIT_INTERRUPTED), (signal.SIGTERM, 0)):
+        loop.add_signal_handler(number, _end, over, code)
+    async with Gateway(name, port) as gateway:
+        print(gateway.url, flush=True)
+        print(f"{name} in a browser; stop: Ctrl-C", file=sys.stderr, flush=True)
+        if show:
+            await asyncio.to_thread(_show, gateway.url)
+        serving = asyncio.create_task(gateway.wait())
+        serving.add_done_callback(lambda task: _failed(over, task))
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
+                return await over
+    return 0
+
+
+def _failed(over: asyncio.Future[int], serving: asyncio.Task[None]) -> None:
+    """A bug of ours must end the program, not leave a page that stands still."""
+    if not serving.cancelled() and not over.done() and (error := serving.exception()):
+        over.set_exception(error)
+
+
+def _end(over: asyncio.Future[int], code: int) -> None:
+    if not over.done():
+        over.set_result(code)
+
+
+def _show(url: str) -> None:
+    import webbrowser
+
+    if not webbrowser.open(url):
+        print("no browser found here: open the link yourself", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
