@@ -215,6 +215,7 @@ def wait_watched(publishers: list[Publisher], timeout: float) -> list[str]:
 _COMMON: dict[str, Any] = {
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": True,
+    "scouting/delay": 0,  # a router would wait 0.5 s for answers to questions it never asks
     "adminspace/enabled": False,
     "transport/link/protocols": ["unixsock-stream"],
     "transport/link/tx/lease": LEASE_MS,
