@@ -6,7 +6,7 @@ import json
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from types import TracebackType
 from typing import Any, Self
 
@@ -39,6 +39,18 @@ def choose(name: str | None) -> Running:
     return found[0]
 
 
+def meant_key(name: str, keys: Collection[str], where: str) -> str:
+    """The one of some keys that a name means: the whole of it, or the end of just one."""
+    meant = [key for key in keys if key == name] or [
+        key for key in keys if key.endswith(f"/{name}")
+    ]
+    if len(meant) == 1:
+        return meant[0]
+    if meant:
+        raise NothingThereError(f"{name!r} may be {' or '.join(meant)}")
+    raise NothingThereError(f"no key {name!r} in {where}{nearest(name, keys)}")
+
+
 class Watch:
     """A tool's view of one pipeline: `with Watch(choose(name)) as watch: ...`."""
 
@@ -68,16 +80,8 @@ class Watch:
 
     def full_key(self, name: str) -> str:
         """The key meant by a name: whole, without the pipeline, or the end of just one key."""
-        keys = self.all_keys()
         short = name.removeprefix(f"{self.manifest.name}/")
-        meant = [key for key in keys if key == short] or [
-            key for key in keys if key.endswith(f"/{short}")
-        ]
-        if len(meant) == 1:
-            return f"{self.manifest.name}/{meant[0]}"
-        if meant:
-            raise NothingThereError(f"{name!r} may be {' or '.join(meant)}")
-        raise NothingThereError(f"no key {name!r} in {self.manifest.name}{nearest(short, keys)}")
+        return f"{self.manifest.name}/{meant_key(short, self.all_keys(), self.manifest.name)}"
 
     def still_there(self) -> bool:
         """Whether the pipeline still runs under the same supervisor."""

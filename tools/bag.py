@@ -1,6 +1,8 @@
-"""Recordings: import, look into, play back, export, recover.
+"""Recordings: record, import, look into, play back, export, recover.
 
-`lodeline bag VERB --help` tells more of each.
+`lodeline bag VERB --help` tells more of each. Ctrl-C is the regular end of `record`: the file is
+closed, exit 0. Exit codes: 0 fine, 1 failed (for `record`: the disk is full), 2 usage,
+3 recovered with losses, 4 no pipeline runs or no such key, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -9,34 +11,46 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lodeline.recording import RecordingError
+from lodeline.watch import NothingThereError
 
-if TYPE_CHECKING:  # MCAP and zenoh are loaded by the verbs that need them
-    from lodeline.recording.play import Choice
-    from lodeline.recording.read import Recording
-    from lodeline.run_folder import Running
-
-MATCH_S = 3.0
+if TYPE_CHECKING:  # MCAP is loaded by the verbs that need it
+    from lodeline.recording.record import Recorder
 
 
 def main(argv: list[str]) -> int:
-    """Exit 0 fine, 1 failed, 3 recovered with losses, 4 no pipeline runs."""
-    args = _arguments(argv)
+    """Run `lodeline bag`; the exit code."""
+    args = parser().parse_args(argv)
     try:
         done: int = args.verb(args)
+    except BrokenPipeError:
+        raise
     except (RecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 1
+    except NothingThereError as error:
+        print(error, file=sys.stderr)
+        return 4
     return done
 
 
-def _arguments(argv: list[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser("lodeline bag", description=__doc__)
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline bag` takes."""
+    parser = argparse.ArgumentParser(
+        "lodeline bag", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     verbs = parser.add_subparsers(required=True, metavar="VERB")
+
+    verb = verbs.add_parser("record", help="write down what a running pipeline sends, until Ctrl-C")
+    verb.add_argument("keys", nargs="*", metavar="KEY", help="default: all")
+    _output(verb, required=False)
+    verb.add_argument("--seconds", type=_positive, metavar="N", help="end after N seconds")
+    verb.add_argument("--name", metavar="PIPELINE", help="which one, if several run")
+    verb.set_defaults(verb=_record)
 
     verb = verbs.add_parser("import", help="make a recording of a robot's text file")
     verb.add_argument("file", type=Path)
@@ -57,6 +71,9 @@ def _arguments(argv: list[str]) -> argparse.Namespace:
     verb = verbs.add_parser("play", help="send a recording to a running pipeline")
     verb.add_argument("file", type=Path)
     verb.add_argument("--rate", type=_positive, default=1.0, help="times as fast as recorded")
+    verb.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="from here on")
+    verb.add_argument("--loop", action="store_true", help="again and again, until Ctrl-C")
+    verb.add_argument("--keys", nargs="+", default=[], metavar="KEY", help="these keys only")
     verb.add_argument("--name", metavar="PIPELINE", help="which one, if several run")
     verb.set_defaults(verb=_play)
 
@@ -69,18 +86,28 @@ def _arguments(argv: list[str]) -> argparse.Namespace:
     verb.add_argument("file", type=Path)
     _output(verb)
     verb.set_defaults(verb=_recover)
-    return parser.parse_args(argv)
+    return parser
 
 
-def _output(verb: argparse.ArgumentParser) -> None:
-    verb.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap")
+def _output(verb: argparse.ArgumentParser, required: bool = True) -> None:
+    default = None if required else "default: PIPELINE-DATE-TIME.mcap here"
+    verb.add_argument(
+        "-o", "--output", type=Path, required=required, metavar="OUT.mcap", help=default
+    )
     verb.add_argument("--force", action="store_true", help="replace the output if it exists")
 
 
 def _positive(text: str) -> float:
     value = float(text)
     if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is no rate above 0")
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def _not_negative(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is no time from 0 on")
     return value
 
 
@@ -138,75 +165,85 @@ def _recover(args: argparse.Namespace) -> int:
     return 0 if found.complete else 3
 
 
+def _record(args: argparse.Namespace) -> int:
+    from lodeline.recording.live import FULL, interrupts, record_live
+    from lodeline.recording.record import Recorder, default_name
+    from lodeline.watch import Watch, choose
+
+    with Watch(choose(args.name)) as watch, interrupts() as interrupted:
+        manifest = watch.manifest
+        prefix = f"{manifest.name}/"
+        chosen = {watch.full_key(name).removeprefix(prefix) for name in args.keys}
+        keys = {key: known.type for key, known in watch.all_keys().items()}
+        recorder = Recorder(
+            args.output or Path(default_name(manifest.name, time.localtime())),
+            manifest.name,
+            {key: cls for key, cls in keys.items() if not chosen or key in chosen},
+            {
+                "pipeline": manifest.name,
+                "digest": manifest.digest,
+                "clock": manifest.clock,
+                "source": f"live on {manifest.host}",
+            },
+            replace=args.force,
+        )
+        end = record_live(watch, recorder, args.seconds, interrupted, _progress(recorder))
+        return _say_recorded(recorder, end, failed=end == FULL)
+
+
+def _progress(recorder: Recorder) -> Callable[[float], None]:
+    def show(elapsed: float) -> None:
+        if sys.stderr.isatty():
+            text = f"{elapsed:.0f} s, {recorder.samples} samples, {_size(recorder)}"
+            lost = recorder.lost_text()
+            sys.stderr.write(f"\r{text}{', lost ' if lost else ''}{lost}  (Ctrl-C ends)\x1b[K")
+            sys.stderr.flush()
+
+    return show
+
+
+def _say_recorded(recorder: Recorder, end: str, failed: bool) -> int:
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\x1b[K")
+    lost = recorder.lost_text()
+    text = f"{recorder.sink.path}: {recorder.samples} samples, {_size(recorder)}, {end}"
+    print(f"{text}, {'lost ' + lost if lost else 'nothing lost'}")
+    for key, why in recorder.refused.items():
+        print(f"REFUSED {key}: {why}", file=sys.stderr)
+    if recorder.sink.pending:
+        print(
+            f"DISK_ERROR {recorder.sink.error}: the recording could not be closed; save what is "
+            f"whole by `lodeline bag recover {recorder.sink.path} -o NEW.mcap`",
+            file=sys.stderr,
+        )
+    elif failed:
+        now = time.strftime("%H:%M:%S")
+        print(f"DISK_FULL recording stopped at {now}, file closed and readable", file=sys.stderr)
+    return 1 if failed or recorder.sink.pending else 0
+
+
+def _size(recorder: Recorder) -> str:
+    return f"{recorder.sink.written / 1e6:.1f} MB"
+
+
 def _play(args: argparse.Namespace) -> int:
+    from lodeline.recording.live_play import send
     from lodeline.recording.play import choose
     from lodeline.recording.read import Recording
-    from lodeline.watch import NothingThereError
     from lodeline.watch import choose as choose_pipeline
+    from lodeline.watch import meant_key
 
     with Recording(args.file) as recording:
-        try:
-            target = choose_pipeline(args.name)
-        except NothingThereError as error:
-            print(error, file=sys.stderr)
-            return 4
+        target = choose_pipeline(args.name)
         keys = target.keys()
         choice = choose(
             recording,
             {key: known.type for key, known in keys.items() if known.node is None},
             {key: known.node for key, known in keys.items() if known.node is not None},
+            [meant_key(name, recording.channels, str(args.file)) for name in args.keys],
         )
-        return _send(recording, choice, target, args.rate)
-
-
-def _refuse_second(target: Running, keys: Mapping[str, object]) -> None:
-    """A pipeline whose time comes from recordings cannot go back to the start of another one."""
-    from lodeline.watch import Watch
-
-    with Watch(target) as watch:
-        full = [f"{target.manifest.name}/{key}" for key in keys]
-        for status in watch.statuses(MATCH_S).values():
-            if any(status.received.get(key) for key in full):
-                raise RecordingError(
-                    f"{target.manifest.name} has played a recording already and stands at its end: "
-                    "start it again with `lodeline up`"
-                )
-
-
-def _send(recording: Recording, choice: Choice, target: Running, rate: float) -> int:
-    from lodeline.bus import BusError, Client, wait_watched
-    from lodeline.recording.play import play
-    from lodeline_msgs import encoding_of
-
-    keeps_stamps = target.manifest.clock == "recording"
-    if not keeps_stamps and rate != 1.0:
-        raise RecordingError(
-            f"--rate {rate:g} needs a pipeline with `clock: recording`: {target.manifest.name} "
-            "measures ages by the host's time"
-        )
-    _say_left_out(choice.left_out)
-    if keeps_stamps:
-        _refuse_second(target, choice.types)
-    try:
-        client = Client(target.folder)
-    except BusError as error:
-        raise RecordingError(f"{target.manifest.name} cannot be reached: {error}") from None
-    try:
-        publishers = {
-            key: client.publisher(f"{target.manifest.name}/{key}", encoding_of(cls))
-            for key, cls in choice.types.items()
-        }
-        if waiting := wait_watched(list(publishers.values()), MATCH_S):
-            raise RecordingError(f"no node listens to {', '.join(waiting)}: nothing played")
-        played = play(
-            recording.packed(choice.types),
-            choice.types,
-            lambda key, data: publishers[key].put(data),
-            rate=rate,
-            start=None if keeps_stamps else time.time_ns(),
-        )
-    finally:
-        client.close()
+        _say_left_out(choice.left_out)
+        played = send(recording, choice, target, rate=args.rate, begin=args.start, loop=args.loop)
     print(
         f"{played.samples} samples of {', '.join(choice.types)} played, "
         f"at most {played.latest * 1e3:.1f} ms late"

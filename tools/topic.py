@@ -27,7 +27,7 @@ from lodeline.terminal.traffic import (
     number,
     traffic,
 )
-from lodeline.watch import PATIENCE_S, NothingThereError, Watch, choose
+from lodeline.watch import PATIENCE_S, NothingThereError, Watch, choose, meant_key
 from lodeline_msgs import MESSAGES, DecodeError, encoding_of, field_specs, pack
 
 if TYPE_CHECKING:  # the bus is loaded by `lodeline.watch`
@@ -224,22 +224,15 @@ def _echo(watch: Watch, arguments: argparse.Namespace) -> int:
 
 
 def _echo_bag(arguments: argparse.Namespace) -> int:
-    from lodeline.params import nearest
     from lodeline.recording import RecordingError
     from lodeline.recording.read import Recording
 
-    name = arguments.key
     try:
         with Recording(arguments.bag) as recording:
             types = {key: info.type for key, info in recording.channels.items() if info.type}
-            meant = [key for key in types if key == name] or [
-                key for key in types if key.endswith(f"/{name}")
-            ]
-            if len(meant) != 1:
-                what = f"{name!r} may be {' or '.join(meant)}" if meant else f"no key {name!r}"
-                raise NothingThereError(f"{arguments.bag}: {what}{nearest(name, types)}")
-            for place, packed in enumerate(recording.packed(meant), 1):
-                _print_sample(packed.data, encoding_of(types[meant[0]]), arguments.json)
+            key = meant_key(arguments.key, types, str(arguments.bag))
+            for place, packed in enumerate(recording.packed([key]), 1):
+                _print_sample(packed.data, encoding_of(types[key]), arguments.json)
                 if place == arguments.count:
                     break
     except RecordingError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from lodeline.recording.read import Packed, Recording
 from lodeline_msgs import Message, pack, unpack
 
 Put = Callable[[str, bytes], None]
+LOOK_S = 0.1
 
 
 class Played(NamedTuple):
@@ -28,8 +29,13 @@ class Choice(NamedTuple):
     left_out: dict[str, str]
 
 
-def choose(recording: Recording, external: Mapping[str, str], sent: Mapping[str, str]) -> Choice:
-    """The recorded keys that a pipeline takes from outside.
+def choose(
+    recording: Recording,
+    external: Mapping[str, str],
+    sent: Mapping[str, str],
+    only: Collection[str] = (),
+) -> Choice:
+    """The recorded keys that a pipeline takes from outside; `only` these, if there are any.
 
     `external` is key to class name, `sent` key to the node that sends it. A key that a running
     node sends is never played: two sources on one key cannot be told apart. RecordingError if
@@ -38,12 +44,14 @@ def choose(recording: Recording, external: Mapping[str, str], sent: Mapping[str,
     types: dict[str, type[Message]] = {}
     for key, wanted in external.items():
         info = recording.channels.get(key)
-        if info is None:
+        if info is None or (only and key not in only):
             continue
         if info.type is None or info.type_name != wanted:
             raise RecordingError(f"{key} is {info.type_name} here, the pipeline takes {wanted}")
         types[key] = info.type
-    left_out = {key: sent[key] for key in recording.channels if key in sent}
+    left_out = {
+        key: sent[key] for key in recording.channels if key in sent and (not only or key in only)
+    }
     if not types:
         there = ", ".join(recording.channels) or "no keys"
         lines = [f"{recording.path} has no key that the running pipeline takes from outside"]
@@ -70,11 +78,14 @@ def play(
     start: int | None = None,
     now: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
+    look: Callable[[int], float] = lambda _log_time: 0.0,
 ) -> Played:
     """Put each sample when it is due: its distance in log time from the first, over `rate`.
 
     Deadlines are absolute, so delays do not add up. `start` [ns] is the stamp that the first
-    sample gets, all others move with it; None leaves the stamps as they are.
+    sample gets, all others move with it; None leaves the stamps as they are. `look(log_time)` is
+    called before each sample and at least ten times a second; it may hold the play up, and says
+    for how long [s] it did.
     """
     count, latest, shift = 0, 0.0, 0
     begin, first = 0.0, None
@@ -84,9 +95,11 @@ def play(
             if start is not None:
                 shift = start - unpack(packed.data, types[packed.key]).stamp
         due = begin + (packed.log_time - first) * 1e-9 / rate
-        data = shifted(packed, types[packed.key], shift)
-        while (ahead := due - now()) > 0.0:
-            sleep(ahead)
+        data, held = shifted(packed, types[packed.key], shift), look(packed.log_time)
+        while (ahead := due + held - now()) > 0.0:
+            sleep(min(ahead, LOOK_S))
+            held += look(packed.log_time)
+        begin += held
         put(packed.key, data)
         latest = max(latest, -ahead)
         count += 1

@@ -56,7 +56,8 @@ class Recording:
     """An MCAP file, open for reading; a context manager.
 
     Raises RecordingError, from here or while iterating, for what is missing, no MCAP, cut off or
-    damaged. Channels of classes that Lodeline does not know are listed but never read.
+    damaged. Channels of classes that Lodeline does not know are listed but never read. `span` is
+    the first and the last log time [ns].
     """
 
     def __init__(self, path: Path) -> None:
@@ -68,6 +69,7 @@ class Recording:
             raise RecordingError(f"{path}: {error.strerror}") from None
         self.metadata: dict[str, str] = {}
         self.channels: dict[str, ChannelInfo] = {}
+        self.span = (0, 0)
         try:
             with self._damage():
                 self._reader = SeekingReader(
@@ -93,13 +95,16 @@ class Recording:
         """Close the file."""
         self._stream.close()
 
-    def packed(self, keys: Collection[str] | None = None) -> Iterator[Packed]:
-        """Messages as bytes by log time, those of one time in the order of the file."""
+    def packed(self, keys: Collection[str] | None = None, since: int = 0) -> Iterator[Packed]:
+        """Messages as bytes by log time, those of one time in the order of the file.
+
+        Those logged before `since` [ns] are left out.
+        """
         ours = {key for key, info in self.channels.items() if info.type is not None}
         wanted = ours if keys is None else ours & set(keys)
         if not wanted:
             return
-        messages = self._reader.iter_messages(topics=wanted)
+        messages = self._reader.iter_messages(topics=wanted, start_time=since)
         while True:
             with self._damage():
                 found = next(messages, None)
@@ -130,6 +135,8 @@ class Recording:
         summary = self._reader.get_summary()
         if summary is None or summary.statistics is None:
             raise RecordingError(f"{self.path} has no index; {way_out(self.path)}")
+        times = summary.statistics
+        self.span = (times.message_start_time, times.message_end_time)
         for record in self._reader.iter_metadata():
             if record.name == METADATA:
                 self.metadata |= record.metadata

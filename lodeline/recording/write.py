@@ -80,6 +80,11 @@ class RecordingWriter:
             if now - self._flushed >= self._flush_every:
                 self.flush()
 
+    def note(self, metadata: Mapping[str, str]) -> None:
+        """Add to what the recording says of itself, such as how it ended."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.add_metadata(METADATA, dict(metadata))
+
     def flush(self) -> None:
         """End the chunk and hand all to the operating system: a kill loses nothing before it."""
         self._writer.flush()  # type: ignore[no-untyped-call]
