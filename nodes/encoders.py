@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from lodeline.devices import Encoders, EncodersParams, EncodersState
+from lodeline.devices import STATES, Encoders, EncodersParams, EncodersState
 from lodeline.i2c import open_bus
 from lodeline.node import Driver, Output
 from lodeline.stamps import seconds
@@ -41,7 +41,8 @@ class EncodersDriver(Driver[EncodersNodeParams]):
         counts = self.encoders.read(seconds(stamp))
         if counts is not None:
             self.wheels.send(WheelTicks(stamp, *counts))
-        self.context.follow(self.encoders.health)
+        health = self.encoders.health
+        self.context.report(STATES[health.state], health.message)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""Driver of an MPU-9250: gyro and accelerometer in one burst, and its magnetometer."""
+"""Driver of an MPU-9250 or one of its relatives: gyro and accelerometer, and the magnetometer."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from lodeline.devices import Ak8963, Ak8963Params, Mpu9250, Mpu9250Params
+from lodeline.devices import STATES, CompassParams, ImuBoard, MpuParams
 from lodeline.i2c import open_bus
 from lodeline.node import Driver, Output
 from lodeline.stamps import seconds
@@ -18,8 +18,8 @@ class ImuParams:
 
     bus: Annotated[int | str, "number of the I2C bus, or sim"] = "sim"
     rate: Annotated[float, "Hz"] = 200.0
-    imu: Mpu9250Params = field(default_factory=Mpu9250Params)
-    magnetometer: Ak8963Params = field(default_factory=Ak8963Params)
+    imu: MpuParams = field(default_factory=MpuParams)
+    magnetometer: CompassParams = field(default_factory=CompassParams)
 
 
 class ImuDriver(Driver[ImuParams]):
@@ -29,21 +29,18 @@ class ImuDriver(Driver[ImuParams]):
     mag_raw = Output(MagneticField)
 
     def setup(self) -> None:
-        bus = open_bus(self.params.bus, self.context.sim_socket)
-        self.imu = Mpu9250(bus, self.params.imu)
-        self.magnetometer = Ak8963(bus, self.params.magnetometer)
+        p = self.params
+        bus = open_bus(p.bus, self.context.sim_socket)
+        self.board = ImuBoard(bus, p.imu, p.magnetometer)
 
     def tick(self, stamp: int) -> None:
-        now = seconds(stamp)
-        reading = self.imu.read(now)
-        if reading is None:  # the magnetometer is behind this chip, and cannot answer either
-            self.context.follow(self.imu.health)
-            return
-        self.data_raw.send(Imu(stamp, reading.angular_velocity, reading.linear_acceleration))
-        magnetic_field = self.magnetometer.read(now)
+        reading, magnetic_field = self.board.read(seconds(stamp))
+        if reading is not None:
+            self.data_raw.send(Imu(stamp, reading.angular_velocity, reading.linear_acceleration))
         if magnetic_field is not None:
             self.mag_raw.send(MagneticField(stamp, magnetic_field))
-        self.context.follow(self.imu.health, self.magnetometer.health)
+        health = self.board.health
+        self.context.report(STATES[health.state], health.message)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from lodeline.devices import STATES, ReedBarParams
 from lodeline.devices import ReedBar as Bar
-from lodeline.devices import ReedBarParams
 from lodeline.i2c import open_bus
 from lodeline.node import Driver, Output
 from lodeline.stamps import seconds
@@ -35,7 +35,8 @@ class MagnetBarDriver(Driver[MagnetBarParams]):
         closed = self.bar.read(seconds(stamp))
         if closed is not None:
             self.reeds.send(ReedBar(stamp, closed))
-        self.context.follow(self.bar.health)
+        health = self.bar.health
+        self.context.report(STATES[health.state], health.message)
 
 
 if __name__ == "__main__":

@@ -1,22 +1,26 @@
 """Drivers of the sensors on an I2C bus: register contents in, physical quantities out."""
 
-from lodeline.devices.ak8963 import Ak8963, Ak8963Params
+from lodeline.devices.ak8963 import Ak8963, Ak8975, CompassParams
 from lodeline.devices.as5048b import Encoders, EncodersParams, EncodersState
-from lodeline.devices.link import DeviceError, Health
-from lodeline.devices.mpu9250 import ImuReading, Mpu9250, Mpu9250Params
+from lodeline.devices.board import ImuBoard
+from lodeline.devices.link import STATES, DeviceError, Health
+from lodeline.devices.mpu import ImuReading, Mpu, MpuParams
 from lodeline.devices.reed_bar import ReedBar, ReedBarParams
 
 __all__ = [
+    "STATES",
     "Ak8963",
-    "Ak8963Params",
+    "Ak8975",
+    "CompassParams",
     "DeviceError",
     "Encoders",
     "EncodersParams",
     "EncodersState",
     "Health",
+    "ImuBoard",
     "ImuReading",
-    "Mpu9250",
-    "Mpu9250Params",
+    "Mpu",
+    "MpuParams",
     "ReedBar",
     "ReedBarParams",
 ]

@@ -8,26 +8,34 @@ from typing import Annotated
 from lodeline.devices.link import Health, Link
 from lodeline.i2c import Bus
 
-DIAGNOSTICS = 0xFB
-ANGLE_HIGH = 0xFE
+DIAGNOSTICS = 0xFB  # magnitude and angle, two bytes each, follow
 TURN = 1 << 14  # counts
 OFFSETS_LOADED = 0x01
 CORDIC_OVERFLOW = 0x02
 FIELD_STRONG = 0x04  # the magnet is too near
 FIELD_WEAK = 0x08  # the magnet is too far
-CHECK_PERIOD = 0.1  # s
 BRIDGE = 1.0  # s
+DISTRUST = 5  # readings that do not fit and are refused, before the counter gives way
+SLACK = 16  # counts that noise may add to a step
 SPEED_BASE = 0.02  # s, so that a count of noise is no speed
 
 
 @dataclass(frozen=True, slots=True)
 class EncodersParams:
-    """Where the encoders are. An inverted one counts down when its wheel rolls forward."""
+    """Where the encoders are. An inverted one counts down when its wheel rolls forward.
+
+    `max_speed` is that of the shaft, in turns a second: what turns faster is no wheel but a fault.
+    """
 
     left_address: Annotated[int, "1"] = 0x40
     right_address: Annotated[int, "1"] = 0x41
     left_inverted: Annotated[bool, "1"] = False
     right_inverted: Annotated[bool, "1"] = False
+    max_speed: Annotated[float, "1/s"] = 20.0
+
+    def __post_init__(self) -> None:
+        if not self.max_speed > 0.0:
+            raise ValueError(f"max_speed must be positive, not {self.max_speed} turns/s")
 
 
 class Counter:
@@ -35,11 +43,15 @@ class Counter:
 
     A gap of up to 1 s is bridged with the speed seen before it, so that a wheel may turn on by
     more than half a turn while the bus is silent. Longer ones cannot be: whole turns would be
-    missing.
+    missing. A step that no wheel makes is refused; if the angle stays there, the count starts anew.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, max_speed: float = float("inf")) -> None:
+        """Take the largest speed that is believed [turns/s]."""
         self.count = 0
+        self.refused = 0  # of the last readings, in a row
+        self._fastest = max_speed * TURN
+        self._margin = 0.0
         self._angle = -1
         self._now_s = 0.0
         self._speed = 0.0  # counts/s
@@ -47,7 +59,10 @@ class Counter:
         self._base_s = 0.0
 
     def update(self, now_s: float, angle: int) -> bool:
-        """Take an angle (0 to 16383) read at `now_s` [s]; False if the gap before was too long."""
+        """Take an angle (0 to 16383) read at `now_s` [s]; False if the count had to start anew.
+
+        After a step that is refused (see `refused`) count and angle are what they were.
+        """
         dt = now_s - self._now_s
         if self._angle < 0 or dt > BRIDGE:
             known = self._angle < 0
@@ -56,12 +71,27 @@ class Counter:
             return known
         expected = round(self._speed * dt)
         rest = (angle - self._angle - expected + TURN // 2) % TURN - TURN // 2
+        # while readings are refused, the bound on what differs from the way expected stays as it is
+        if not self.refused:
+            self._margin = self._fastest * dt + SLACK
+        if abs(rest) > self._margin or abs(expected + rest) > self._fastest * dt + SLACK:
+            return self._refuse(now_s, angle)
+        self.refused = 0
         self.count += expected + rest
         self._angle, self._now_s = angle, now_s
         if now_s - self._base_s >= SPEED_BASE:
             self._speed = (self.count - self._base_count) / (now_s - self._base_s)
             self._base_count, self._base_s = self.count, now_s
         return True
+
+    def _refuse(self, now_s: float, angle: int) -> bool:
+        self.refused += 1
+        if self.refused <= DISTRUST:
+            return True
+        self.refused = 0
+        self.restart()
+        self._angle, self._now_s, self._base_s = angle, now_s, now_s
+        return False
 
     def restart(self) -> None:
         """Count from 0 again, from the last angle on."""
@@ -94,13 +124,12 @@ class EncodersState:
 class _Encoder:
     """One encoder with its link."""
 
-    def __init__(self, name: str, bus: Bus, address: int, inverted: bool) -> None:
+    def __init__(self, name: str, bus: Bus, address: int, inverted: bool, max_speed: float) -> None:
         self._name = name
         self._bus = bus
         self._address = address
         self._sign = -1 if inverted else 1
-        self.counter = Counter()
-        self._check_s = float("-inf")
+        self.counter = Counter(max_speed)
         self._trouble = 0
         self.link = Link(name, bus, address, (self._answer,))
 
@@ -109,53 +138,57 @@ class _Encoder:
         link = self.link
         if not link.ready(now_s):
             return None
-        if now_s >= self._check_s:
-            self._check_s = now_s + CHECK_PERIOD
-            if not self._diagnose(now_s):
-                return None
-        raw = link.attempt(now_s, self._angle)
-        if raw is None or self._trouble & CORDIC_OVERFLOW:
+        raw = link.attempt(now_s, self._burst)
+        if raw is None or not self._is_valid(raw[0]):
             return None
-        known = self.counter.update(now_s, (raw[0] << 6) | (raw[1] & 0x3F))
+        jumped = self.counter.refused > 0
+        known = self.counter.update(now_s, (raw[3] << 6) | (raw[4] & 0x3F))
+        if self.counter.refused:
+            if self.counter.refused == 1:
+                link.health.tell(f"ENC_JUMP {self._name}: too large a step, reading dropped")
+            return None
         if not known:
-            link.health.tell(f"ENC_GAP {self._name}: silent for over {BRIDGE:g} s, counts from 0")
+            why = "angle jumped" if jumped else f"silent for over {BRIDGE:g} s"
+            link.health.tell(f"ENC_GAP {self._name}: {why}, counts from 0")
         return known
 
     @property
     def count(self) -> int:
         return self._sign * self.counter.count
 
-    def _diagnose(self, now_s: float) -> bool:
-        flags = self.link.attempt(now_s, self._flags)
-        if flags is None:
-            return False
-        trouble = flags & (CORDIC_OVERFLOW | FIELD_STRONG | FIELD_WEAK)
-        if trouble and trouble != self._trouble:
-            self.link.health.tell(f"ENC_MAGNET {self._name}: {_TROUBLES[trouble]}")
+    def _is_valid(self, flags: int) -> bool:
+        """Tell by the flags read with an angle whether it counts, and how the magnet sits."""
+        trouble = flags & (CORDIC_OVERFLOW | FIELD_STRONG | FIELD_WEAK) | ~flags & OFFSETS_LOADED
+        if trouble != self._trouble:
+            health = self.link.health
+            text = _TROUBLES[trouble] if trouble else "magnet sits well again"
+            health.tell(f"ENC_MAGNET {self._name}: {text}")
+            invalid = trouble & (CORDIC_OVERFLOW | OFFSETS_LOADED)
+            health.state = "fault" if invalid else "degraded" if trouble else "ok"
         self._trouble = trouble
-        return True
+        return not trouble & (CORDIC_OVERFLOW | OFFSETS_LOADED)
 
     def _answer(self) -> float:
-        return 0.0 if self._flags() & OFFSETS_LOADED else 0.01
+        flags = self._bus.read_byte_data(self._address, DIAGNOSTICS)
+        return 0.0 if flags & OFFSETS_LOADED else 0.01
 
-    def _flags(self) -> int:
-        return self._bus.read_byte_data(self._address, DIAGNOSTICS)
-
-    def _angle(self) -> list[int]:
-        return self._bus.read_i2c_block_data(self._address, ANGLE_HIGH, 2)
+    def _burst(self) -> list[int]:
+        # the angle comes with its own diagnosis: so a false one is known as such
+        return self._bus.read_i2c_block_data(self._address, DIAGNOSTICS, 5)
 
 
 _TROUBLES = {
     trouble: " and ".join(
         text
         for bit, text in (
+            (OFFSETS_LOADED, "just switched on"),
             (CORDIC_OVERFLOW, "angle not valid"),
             (FIELD_STRONG, "magnet too near"),
             (FIELD_WEAK, "magnet too far"),
         )
         if trouble & bit
     )
-    for trouble in range(2, 16, 2)
+    for trouble in range(1, 16)
 }
 
 
@@ -170,16 +203,15 @@ class Encoders:
         self, bus: Bus, params: EncodersParams | None = None, name: str = "encoders"
     ) -> None:
         p = params if params is not None else EncodersParams()
-        self._left = _Encoder(f"{name} left", bus, p.left_address, p.left_inverted)
-        self._right = _Encoder(f"{name} right", bus, p.right_address, p.right_inverted)
+        self._left = _Encoder(f"{name} left", bus, p.left_address, p.left_inverted, p.max_speed)
+        self._right = _Encoder(f"{name} right", bus, p.right_address, p.right_inverted, p.max_speed)
 
     @property
     def health(self) -> Health:
         """How the worse of the two does, with the counts of both."""
         left, right = self._left.link.health, self._right.link.health
-        worse = left if left.state == "fault" else right
-        if worse.state == "ok" and left.events > right.events:
-            worse = left
+        order = ("ok", "degraded", "fault")
+        worse = max(left, right, key=lambda each: (order.index(each.state), each.events))
         return Health(
             state=worse.state,
             message=worse.message,

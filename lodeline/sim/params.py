@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 Vector = tuple[float, float, float]
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
+ImuChip = Literal["mpu9250", "mpu9255", "mpu9150", "mpu6500", "mpu6050"]
+BarChip = Literal["pcf8574", "mcp23017", "none"]
 POSITIVE = (
+    "encoder_gear",
     "wheel_radius",
     "track",
     "course_radius",
@@ -29,7 +32,9 @@ class RobotParams:
     strip `bump_width` wide across the floor at x = `bump_x`, over which the wheels and the castor
     behind them climb. Noise is a standard deviation per sample. The magnetometer reads `soft_iron`
     (3 x 3, row by row) times the local field, plus `hard_iron`. An inverted encoder counts down
-    when its wheel rolls forward.
+    when its wheel rolls forward, and turns `encoder_gear` times while the wheel turns once.
+    `imu_mounting` is roll, pitch and yaw of the IMU in the body, whose clock runs too fast by
+    `imu_clock_error`. A sensor without any noise is to the drivers one that is stuck.
     """
 
     seed: Annotated[int, "1"] = 1
@@ -64,6 +69,11 @@ class RobotParams:
     magnet_pitch: Annotated[float, "m"] = 0.055
     left_inverted: Annotated[bool, "1"] = False
     right_inverted: Annotated[bool, "1"] = False
+    encoder_gear: Annotated[float, "1"] = 1.0
+    imu_chip: ImuChip = "mpu9250"
+    imu_mounting: Annotated[tuple[float, float, float], "rad"] = (0.0, 0.0, 0.0)
+    imu_clock_error: Annotated[float, "1"] = 0.003
+    bar_chip: BarChip = "pcf8574"
 
     def __post_init__(self) -> None:
         for name in POSITIVE:

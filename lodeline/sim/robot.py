@@ -8,12 +8,13 @@ from dataclasses import asdict, dataclass, replace
 from typing import NamedTuple
 
 from lodeline.sim.bus import BusModel
-from lodeline.sim.chips.ak8963 import Ak8963Chip
+from lodeline.sim.chips.ak8963 import Ak8963Chip, Ak8975Chip
 from lodeline.sim.chips.as5048b import As5048bChip
-from lodeline.sim.chips.mpu9250 import Mpu9250Chip
+from lodeline.sim.chips.mcp23017 import Mcp23017Chip
+from lodeline.sim.chips.mpu import MpuChip
 from lodeline.sim.chips.pcf8574 import Pcf8574Chip
 from lodeline.sim.params import RobotParams
-from lodeline.sim.sensors import Sensors, turn_of
+from lodeline.sim.sensors import Sensors
 from lodeline.sim.world import World, WorldState
 
 __all__ = ["RobotParams", "RobotState", "SimulatedRobot", "Truth"]
@@ -23,6 +24,8 @@ MAG_ADDRESS = 0x0C
 LEFT_ADDRESS = 0x40
 RIGHT_ADDRESS = 0x41
 BAR_ADDRESS = 0x20
+IDENTITIES = {"mpu9250": 0x71, "mpu9255": 0x73, "mpu9150": 0x68, "mpu6500": 0x70, "mpu6050": 0x68}
+COMPASSES = {"mpu9250": Ak8963Chip, "mpu9255": Ak8963Chip, "mpu9150": Ak8975Chip}
 
 
 class Truth(NamedTuple):
@@ -61,20 +64,27 @@ class SimulatedRobot:
         self.bus = BusModel(self._lock)
         sensors = Sensors(params, self._world)
         now = self.now
-        self.imu = Mpu9250Chip(
-            now, sensors.angular_velocity, sensors.specific_force, sensors.temperature
+        self.imu = MpuChip(
+            now,
+            sensors.angular_velocity,
+            sensors.specific_force,
+            sensors.temperature,
+            IDENTITIES[params.imu_chip],
+            params.imu_clock_error,
         )
-        self.mag = Ak8963Chip(now, sensors.magnetic_field, self.imu.bypassed)
-        left_sign = -1.0 if params.left_inverted else 1.0
-        right_sign = -1.0 if params.right_inverted else 1.0
-        self.left = As5048bChip(now, lambda t: turn_of(left_sign * sensors.wheel_angles(t)[0]))
-        self.right = As5048bChip(now, lambda t: turn_of(right_sign * sensors.wheel_angles(t)[1]))
-        self.bar = Pcf8574Chip(now, sensors.closed_reeds)
+        compass = COMPASSES.get(params.imu_chip, Ak8963Chip)
+        self.mag = compass(now, sensors.magnetic_field, self.imu.bypassed)
+        self.left = As5048bChip(now, lambda t: sensors.encoder_turns(t)[0])
+        self.right = As5048bChip(now, lambda t: sensors.encoder_turns(t)[1])
+        expander = Mcp23017Chip if params.bar_chip == "mcp23017" else Pcf8574Chip
+        self.bar = expander(now, sensors.closed_reeds)
         self.bus.attach(IMU_ADDRESS, self.imu)
-        self.bus.attach(MAG_ADDRESS, self.mag)
+        if params.imu_chip in COMPASSES:
+            self.bus.attach(MAG_ADDRESS, self.mag)
         self.bus.attach(LEFT_ADDRESS, self.left)
         self.bus.attach(RIGHT_ADDRESS, self.right)
-        self.bus.attach(BAR_ADDRESS, self.bar)
+        if params.bar_chip != "none":
+            self.bus.attach(BAR_ADDRESS, self.bar)
 
     def now(self) -> float:
         """Time of the simulation [s]."""

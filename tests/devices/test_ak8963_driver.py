@@ -9,7 +9,7 @@ from math import atan2, cos, pi, sin
 import pytest
 
 from lodeline.devices.ak8963 import Ak8963
-from lodeline.devices.mpu9250 import Mpu9250
+from lodeline.devices.mpu import Mpu
 from tests.devices.rig import MakeRig, Rig
 
 Field = tuple[float, float, float]
@@ -19,9 +19,9 @@ CLEAN = {
 }
 
 
-def both(bench: Rig) -> tuple[Mpu9250, Ak8963, Callable[[float], Field | None]]:
+def both(bench: Rig) -> tuple[Mpu, Ak8963, Callable[[float], Field | None]]:
     """Both drivers as a node runs them: the magnetometer once the gyro delivers."""
-    imu, mag = Mpu9250(bench.bus), Ak8963(bench.bus)
+    imu, mag = Mpu(bench.bus), Ak8963(bench.bus)
 
     def read(now: float) -> Field | None:
         return None if imu.read(now) is None else mag.read(now)
@@ -29,19 +29,25 @@ def both(bench: Rig) -> tuple[Mpu9250, Ak8963, Callable[[float], Field | None]]:
     return imu, mag, read
 
 
+def mean(bench: Rig, read: Callable[[float], Field | None]) -> Field:
+    """The mean field of 2 s, whose noise is some 0.04 uT."""
+    fields = [field for _, field in bench.run(2.0, 200.0, read) if field is not None]
+    x, y, z = (sum(axis) / len(fields) for axis in zip(*fields, strict=True))
+    return x, y, z
+
+
 def test_the_field_has_its_strength_and_dip_and_points_north(rig: MakeRig) -> None:
-    bench = rig(speed=0.0, mag_noise=0.0, **CLEAN)
+    bench = rig(speed=0.0, **CLEAN)
     _, mag, read = both(bench)
-    fields = [field for _, field in bench.run(1.0, 200.0, read) if field is not None]
     level = 47e-6 * cos(1.1)
-    # the robot heads east: north is on its left; one LSB is 0.15 to 0.18 uT
-    assert fields[-1] == pytest.approx((0.0, level, -47e-6 * sin(1.1)), abs=0.1e-6)
+    # the robot heads east: north is on its left
+    assert mean(bench, read) == pytest.approx((0.0, level, -47e-6 * sin(1.1)), abs=0.15e-6)
     assert mag.health.state == "ok"
     assert mag.health.events == 0, "the bypass was on before it was asked"
 
 
 def test_the_heading_of_the_field_follows_the_robot(rig: MakeRig) -> None:
-    bench = rig(mag_noise=0.0, bump_height=0.0, slip=0.0, **CLEAN)
+    bench = rig(mag_noise=0.1e-6, bump_height=0.0, slip=0.0, **CLEAN)
     _, _, read = both(bench)
 
     def heading(now: float) -> tuple[float, float] | None:
@@ -55,16 +61,16 @@ def test_the_heading_of_the_field_follows_the_robot(rig: MakeRig) -> None:
     errors = [(yaw - true + pi) % (2 * pi) - pi for yaw, true in pairs]
     assert max(true for _, true in pairs) > 3.0
     assert min(true for _, true in pairs) < -3.0
-    assert max(map(abs, errors)) < 0.02, "a sample of 10 ms ago and one LSB"
+    assert max(map(abs, errors)) < 0.035, "a sample of 10 ms ago, one LSB and some noise"
 
 
 def test_iron_shifts_the_field_as_declared(rig: MakeRig) -> None:
-    bench = rig(speed=0.0, mag_noise=0.0)
+    bench = rig(speed=0.0)
     _, _, read = both(bench)
-    field = next(field for _, field in reversed(bench.run(1.0, 200.0, read)) if field is not None)
+    field = mean(bench, read)
     y, z = 47e-6 * cos(1.1), -47e-6 * sin(1.1)
     assert field == pytest.approx(
-        (11.5e-6 + 0.02 * y, -1e-6 + 0.95 * y + 0.01 * z, 6e-6 + 0.01 * y + 0.99 * z), abs=0.1e-6
+        (11.5e-6 + 0.02 * y, -1e-6 + 0.95 * y + 0.01 * z, 6e-6 + 0.01 * y + 0.99 * z), abs=0.15e-6
     )
 
 
@@ -88,7 +94,8 @@ def test_an_overflow_is_dropped_and_counted(rig: MakeRig, monkeypatch: pytest.Mo
     got = bench.run(0.5, 200.0, read)
     assert all(field is None for _, field in got)
     assert 49 <= mag.overflows - before <= 51
-    assert mag.health.message == "MAG_OVERFLOW mag: field too strong, reading dropped"
+    assert mag.health.message == "MAG_OVERFLOW mag: field too strong, readings dropped"
+    assert mag.health.state == "degraded"
     monkeypatch.undo()
     got = bench.run(0.1, 200.0, read)
     assert any(field is not None for _, field in got)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi
 from pathlib import Path
 
-from lodeline.devices import Ak8963, Encoders, Mpu9250, ReedBar
+from lodeline.devices import Ak8963, Encoders, Mpu, ReedBar
 from lodeline.i2c import open_bus
 from lodeline.sim.params import RobotParams
 from lodeline.sim.robot import SimulatedRobot
@@ -21,7 +21,7 @@ def test_drivers_outlive_a_restart_of_the_simulator(tmp_path: Path) -> None:
     robot = SimulatedRobot(params, lambda: now)
     server = I2cServer(robot.bus, tmp_path / "i2c")
     bus = open_bus("sim", tmp_path / "i2c")
-    imu, mag, encoders, bar = Mpu9250(bus), Ak8963(bus), Encoders(bus), ReedBar(bus)
+    imu, mag, encoders, bar = Mpu(bus), Ak8963(bus), Encoders(bus), ReedBar(bus)
 
     def read_all() -> tuple[bool, bool, tuple[int, int] | None, bool]:
         inertial = imu.read(now) is not None

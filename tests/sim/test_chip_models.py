@@ -12,7 +12,7 @@ from lodeline.i2c import Bus, open_model
 from lodeline.sim.bus import BusModel
 from lodeline.sim.chips.ak8963 import Ak8963Chip
 from lodeline.sim.chips.as5048b import As5048bChip
-from lodeline.sim.chips.mpu9250 import Mpu9250Chip
+from lodeline.sim.chips.mpu import MpuChip
 from lodeline.sim.chips.pcf8574 import Pcf8574Chip
 
 IMU, MAG, ENCODER, PORT = 0x68, 0x0C, 0x40, 0x20
@@ -23,7 +23,7 @@ class Bench:
     """The chips on one bus, with a clock and quantities that a test sets."""
 
     def __init__(self) -> None:
-        self.now = 0.0
+        self.now = -1.0  # switched on a second ago
         self.rate: Callable[[float], tuple[float, float, float]] = lambda t: (0.0, 0.0, 0.0)
         self.force: Callable[[float], tuple[float, float, float]] = lambda t: (0.0, 0.0, G)
         self.field: Callable[[float], tuple[float, float, float]] = lambda t: (0.0, 20e-6, -40e-6)
@@ -33,9 +33,7 @@ class Bench:
         def clock() -> float:
             return self.now
 
-        self.imu = Mpu9250Chip(
-            clock, lambda t: self.rate(t), lambda t: self.force(t), lambda t: 25.0
-        )
+        self.imu = MpuChip(clock, lambda t: self.rate(t), lambda t: self.force(t), lambda t: 25.0)
         self.mag = Ak8963Chip(
             clock, lambda t: self.field(t), self.imu.bypassed, sensitivity=(128, 255, 0)
         )
@@ -45,6 +43,7 @@ class Bench:
         model.attach(ENCODER, As5048bChip(clock, lambda t: self.turn))
         model.attach(PORT, Pcf8574Chip(clock, lambda t: self.low))
         self.bus: Bus = open_model(model)
+        self.now = 0.0
 
     def burst(self) -> tuple[int, ...]:
         """Accelerometer, temperature, gyro as signed 16-bit numbers."""

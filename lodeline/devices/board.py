@@ -1,0 +1,64 @@
+"""A board with an inertial chip and, if it has one, the magnetometer behind it."""
+
+from __future__ import annotations
+
+from lodeline.devices.ak8963 import Ak8963, Ak8975, CompassParams
+from lodeline.devices.link import Health
+from lodeline.devices.mpu import MODELS, ImuReading, Mpu, MpuParams
+from lodeline.i2c import Bus
+
+Field = tuple[float, float, float]
+COMPASSES = {"AK8963": Ak8963, "AK8975": Ak8975}
+
+
+class ImuBoard:
+    """Finds out which chip answers, and drives what it has.
+
+    DeviceError on construction if it is not the one declared. A board without magnetometer is
+    degraded: it can be used, but not for long know where north is.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        params: MpuParams | None = None,
+        compass: CompassParams | None = None,
+        name: str = "imu",
+    ) -> None:
+        self.mpu = Mpu(bus, params, name)
+        self.compass: Ak8963 | None = None
+        self._compass_params = compass
+        self._bus = bus
+
+    def read(self, now_s: float) -> tuple[ImuReading | None, Field | None]:
+        """Return a sample and a field [T] taken now, at the monotonic `now_s` [s], if there are."""
+        reading = self.mpu.read(now_s)
+        return reading, self._field(now_s) if self.mpu.link.up else None
+
+    def _field(self, now_s: float) -> Field | None:
+        kind = COMPASSES.get(self.mpu.model.compass)
+        if kind is None:
+            self.compass = None
+            return None
+        if type(self.compass) is not kind:
+            self.compass = kind(self._bus, self._compass_params)
+        field = self.compass.read(now_s)
+        if self.mpu.params.chip == "auto" and self.compass.absent and kind is Ak8975:
+            self.mpu.model = MODELS["mpu6050"]  # which differs from an MPU-9150 in this only
+        return field
+
+    @property
+    def health(self) -> Health:
+        """How the board does: without its gyro not at all, without its magnetometer less well."""
+        mpu = self.mpu.health
+        if mpu.state != "ok":
+            return mpu
+        model = self.mpu.model
+        if not model.compass and self.mpu.link.up:
+            text = f"IMU_CHIP {self.mpu.name}: {model.name}, heading from the gyro only"
+            return Health(state="degraded", message=text, events=1)
+        if self.compass is not None and self.compass.health.state != "ok":
+            health = self.compass.health
+            return Health("degraded", health.message, health.events)
+        told = [part.health for part in (self.mpu, self.compass) if part and part.health.message]
+        return told[0] if told else mpu

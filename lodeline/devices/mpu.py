@@ -1,0 +1,230 @@
+"""The gyro, accelerometer and thermometer of an MPU-9250 and its relatives.
+
+Register names and scales are those of InvenSense's register maps RM-MPU-9250A, RM-MPU-6500A and
+RM-MPU-6000A. Values come in the chip's axes, which are FLU when it is mounted x forward and z up;
+turning them is the business of the calibration.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+from dataclasses import dataclass
+from math import radians
+from typing import Annotated, Literal, NamedTuple
+
+from lodeline.devices.guard import Guard
+from lodeline.devices.link import DeviceError, Health, Link
+from lodeline.i2c import Bus
+
+SMPLRT_DIV = 0x19
+CONFIG = 0x1A
+INT_PIN_CFG = 0x37
+USER_CTRL = 0x6A
+PWR_MGMT_1 = 0x6B
+WHO_AM_I = 0x75
+
+RESET = 0x80
+CLOCK_AUTO = 0x01
+BYPASS = 0x02
+GRAVITY = 9.80665  # m/s^2 in one g
+GYRO_CODES = {250: 0, 500: 1, 1000: 2, 2000: 3}
+ACCEL_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
+BANDWIDTHS = {1: 184.0, 2: 92.0, 3: 41.0, 4: 20.0, 5: 10.0, 6: 5.0}  # Hz of the gyro, by DLPF_CFG
+FULL_SCALE = 32768.0  # LSB
+RESET_TIME = 0.1  # s
+START_TIME = 0.035  # s, of the gyro
+CHECK_PERIOD = 0.1  # s
+_BURST = struct.Struct(">7h")
+
+
+class Model(NamedTuple):
+    """One of these chips. `accel_filter`: the accelerometer has a filter of its own."""
+
+    identity: int  # WHO_AM_I
+    name: str
+    compass: Literal["AK8963", "AK8975", ""] = ""
+    accel_filter: bool = True
+    degrees_per_lsb: float = 1.0 / 333.87
+    degrees_at_0: float = 21.0
+    fifo_size: int = 512  # bytes
+
+
+MODELS = {
+    "mpu9250": Model(0x71, "MPU-9250", "AK8963"),
+    "mpu9255": Model(0x73, "MPU-9255", "AK8963"),
+    "mpu9150": Model(0x68, "MPU-9150", "AK8975", False, 1.0 / 340.0, 36.53, 1024),
+    "mpu6500": Model(0x70, "MPU-6500: no magnetometer"),
+    "mpu6050": Model(0x68, "MPU-6050: no magnetometer", "", False, 1.0 / 340.0, 36.53, 1024),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class MpuParams:
+    """Where the chip is and how it measures.
+
+    `chip: auto` takes any that is known, and a name refuses all others (MPU-6050 and 9150 say the
+    same of themselves). `dlpf` is DLPF_CFG for gyro
+    and accelerometer alike: 1 to 6 stand for a gyro bandwidth of 184, 92, 41, 20, 10 and 5 Hz.
+    `sample_rate` is the chip's own, 1000 Hz or a whole fraction of it; reading slower than it
+    samples costs nothing and keeps what is read fresh.
+    """
+
+    chip: Literal["auto", "mpu9250", "mpu9255", "mpu9150", "mpu6500", "mpu6050"] = "auto"
+    address: Annotated[int, "1"] = 0x68
+    gyro_range: Annotated[Literal[250, 500, 1000, 2000], "deg/s"] = 500
+    accel_range: Annotated[Literal[2, 4, 8, 16], "g"] = 4
+    dlpf: Annotated[Literal[1, 2, 3, 4, 5, 6], "1"] = 2
+    sample_rate: Annotated[float, "Hz"] = 1000.0
+
+    def __post_init__(self) -> None:
+        whole = 1 <= self.divider <= 256
+        if not whole or abs(self.divider * self.sample_rate - 1000.0) > 1e-3:
+            raise ValueError(f"sample_rate is 1000 Hz / 1..256, not {self.sample_rate:g} Hz")
+
+    @property
+    def divider(self) -> int:
+        """What divides the chip's 1 kHz; 0 if the rate makes no sense."""
+        return round(1000.0 / self.sample_rate) if self.sample_rate > 0.0 else 0
+
+
+class ImuReading(NamedTuple):
+    """One sample: rad/s, m/s^2 (specific force, +9.81 on z at rest) and degC, in chip axes."""
+
+    angular_velocity: tuple[float, float, float]
+    linear_acceleration: tuple[float, float, float]
+    temperature: float
+
+
+class Mpu:
+    """The driver. Construction probes: DeviceError if a chip answers that is not the one declared.
+
+    A chip that does not answer is no error: `read` returns None and `health` says why until it
+    does. So is a chip that resets in flight: not one reading of it gets out, and it is set up
+    again.
+    """
+
+    def __init__(self, bus: Bus, params: MpuParams | None = None, name: str = "imu") -> None:
+        self.params = params = params if params is not None else MpuParams()
+        self.model = MODELS["mpu9250" if params.chip == "auto" else params.chip]
+        self.bus = bus
+        self.name = name
+        self._rate_per_lsb = radians(params.gyro_range) / FULL_SCALE
+        self._force_per_lsb = params.accel_range * GRAVITY / FULL_SCALE
+        self._check_s = float("-inf")
+        self.link = Link(name, bus, params.address, (self._reset, self._wake, self._configure))
+        bandwidth = BANDWIDTHS[params.dlpf]
+        self.guard = Guard(name, self.health, params.gyro_range, params.accel_range, bandwidth)
+        with contextlib.suppress(OSError):  # read() brings it up once it answers
+            self._identify()
+
+    @property
+    def health(self) -> Health:
+        """How the chip does."""
+        return self.link.health
+
+    def read(self, now_s: float) -> ImuReading | None:
+        """Return a reading taken now, at the monotonic `now_s` [s], or None if there is none."""
+        if not self.ready(now_s):
+            return None
+        raw = self.link.attempt(now_s, self._burst)
+        if raw is None or self.forgot(now_s, raw[0]):
+            return None
+        data = bytes(raw[4:])
+        return self.decode(data) if self.guard.passes(now_s, data) else None
+
+    def ready(self, now_s: float) -> bool:
+        """Tell whether the chip is up and set; every 0.1 s its registers are looked at."""
+        link = self.link
+        if not link.ready(now_s):
+            return False
+        if now_s < self._check_s:
+            return True
+        self._check_s = now_s + CHECK_PERIOD
+        configured = link.attempt(now_s, self._is_configured)
+        if configured is False:
+            self._lost(now_s)
+        return configured is True
+
+    def forgot(self, now_s: float, pin_config: int) -> bool:
+        """Tell by INT_PIN_CFG, which is 0 after a reset, whether the chip is as it was set.
+
+        It is read together with the data: so data of another scale are known as such at once.
+        """
+        if pin_config != BYPASS:
+            self._lost(now_s)
+        return pin_config != BYPASS
+
+    def decode(self, data: bytes) -> ImuReading:
+        """Turn the 14 bytes of one sample into quantities."""
+        ax, ay, az, temperature, gx, gy, gz = _BURST.unpack(data)
+        force, rate = self._force_per_lsb, self._rate_per_lsb
+        return ImuReading(
+            (gx * rate, gy * rate, gz * rate),
+            (ax * force, ay * force, az * force),
+            temperature * self.model.degrees_per_lsb + self.model.degrees_at_0,
+        )
+
+    def _lost(self, now_s: float) -> None:
+        self.link.lost(now_s, f"IMU_RESET {self.name}: registers lost, reconfigured")
+        self.link.ready(now_s)
+
+    def _burst(self) -> list[int]:
+        # from INT_PIN_CFG over INT_STATUS to the end of the data
+        return self.bus.read_i2c_block_data(self.params.address, INT_PIN_CFG, 18)
+
+    @property
+    def _settings(self) -> tuple[int, ...]:
+        """What goes into SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG and ACCEL_CONFIG2."""
+        p = self.params
+        settings = (
+            p.divider - 1,
+            p.dlpf,
+            GYRO_CODES[p.gyro_range] << 3,
+            ACCEL_CODES[p.accel_range] << 3,
+            p.dlpf,
+        )
+        return settings if self.model.accel_filter else settings[:4]
+
+    def _identify(self) -> None:
+        got = self.bus.read_byte_data(self.params.address, WHO_AM_I)
+        if got == self.model.identity:
+            return
+        alike = [model for model in MODELS.values() if model.identity == got]
+        if self.params.chip == "auto" and alike:
+            self.model = alike[0]
+            return
+        what = " or ".join(model.name for model in alike) or "unknown chip"
+        wanted = f"0x{self.model.identity:02x} ({self.model.name})"
+        if self.params.chip == "auto":
+            wanted = ", ".join(sorted({f"0x{model.identity:02x}" for model in MODELS.values()}))
+        where = f"at 0x{self.params.address:02x}"
+        raise DeviceError(
+            f"IMU_ID {self.name}: got 0x{got:02x} ({what}), expected {wanted} {where}"
+        )
+
+    def _reset(self) -> float:
+        self._identify()
+        self.bus.write_byte_data(self.params.address, PWR_MGMT_1, RESET)
+        return RESET_TIME
+
+    def _wake(self) -> float:
+        self.bus.write_byte_data(self.params.address, PWR_MGMT_1, CLOCK_AUTO)
+        return START_TIME
+
+    def _configure(self) -> float:
+        bus, address = self.bus, self.params.address
+        bus.write_i2c_block_data(address, SMPLRT_DIV, list(self._settings))
+        bus.write_byte_data(address, USER_CTRL, 0x00)  # its own I2C master off
+        bus.write_byte_data(address, INT_PIN_CFG, BYPASS)  # the magnetometer onto our bus
+        if not self._is_configured():
+            raise DeviceError(f"IMU_SETTINGS {self.name}: the chip does not keep its settings")
+        return START_TIME
+
+    def _is_configured(self) -> bool:
+        bus, address, settings = self.bus, self.params.address, self._settings
+        return (
+            tuple(bus.read_i2c_block_data(address, SMPLRT_DIV, len(settings))) == settings
+            and bus.read_byte_data(address, INT_PIN_CFG) == BYPASS
+            and bus.read_byte_data(address, PWR_MGMT_1) == CLOCK_AUTO
+        )
