@@ -46,13 +46,14 @@ class Publisher:
             encoding=zenoh.Encoding(encoding),
             congestion_control=zenoh.CongestionControl.DROP,
         )
+        self._source = zenoh.SourceInfo(self._publisher.id, 0)
         self._listener = self._publisher.declare_matching_listener(self._matching)
         status: Any = self._publisher.matching_status  # zenoh's own stub calls it a bool
         self.watched = status.matching
 
     def put(self, data: bytes) -> None:
         """Send; never blocks, drops where a listener cannot follow."""
-        self._publisher.put(data)
+        self._publisher.put(data, source_info=self._source)
 
     def _matching(self, status: zenoh.MatchingStatus) -> None:
         self.watched = status.matching
@@ -101,6 +102,22 @@ class Session:
         subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(queue))
         self._receive(key, subscriber, take)
 
+    def subscribe_from(self, key: str, queue: int, take: Callable[[str, bytes], None]) -> None:
+        """As `subscribe`, but calls `take(source, data)`: the sender's `Session.id`, or "".
+
+        What a sender says of itself guards against mistakes, not against malice.
+        """
+        subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(queue))
+
+        def run() -> None:
+            for sample in _samples(subscriber):
+                if sample.kind == zenoh.SampleKind.PUT:
+                    info = sample.source_info
+                    source = "" if info is None else str(info.source_id.zid)
+                    take(source, sample.payload.to_bytes())
+
+        self._listen(key, subscriber, run)
+
     def subscribe_kept(self, key: str, take: Callable[[str, bytes, str], None]) -> None:
         """As `subscribe`, and the last value of each keeper comes at once."""
         subscriber = zenoh.ext.declare_advanced_subscriber(
@@ -117,6 +134,9 @@ class Session:
                 if sample.kind == zenoh.SampleKind.PUT:
                     take(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding))
 
+        self._listen(key, subscriber, run)
+
+    def _listen(self, key: str, subscriber: Any, run: Callable[[], None]) -> None:
         self._kept.append(subscriber)
         thread = threading.Thread(target=run, name=f"ring {key}", daemon=True)
         self._threads.append(thread)
@@ -135,6 +155,15 @@ class Session:
         replies = self._session.get(key, timeout=timeout)
         good = [reply.ok for reply in replies if reply.ok is not None]
         return [(str(sample.key_expr), sample.payload.to_bytes()) for sample in good]
+
+    @property
+    def id(self) -> str:
+        """By which others know what comes from here."""
+        return str(self._session.info.zid())
+
+    def neighbours(self) -> set[str]:
+        """The `id` of each other process of this host that is linked directly."""
+        return {str(zid) for zid in self._session.info.peers_zid()}
 
     def peers(self) -> int:
         """How many other processes of this host are linked directly."""
