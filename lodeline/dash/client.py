@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import time
 from collections import deque
 
@@ -11,6 +12,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from lodeline.dash.frames import Past
+from lodeline.dash.tail import Tail
 
 AHEAD = 4
 """Frames that may be on their way: beyond that a client gets none, and later only the newest."""
@@ -32,6 +34,8 @@ class Viewer:
         self._heard = time.monotonic()
         self._waiting: deque[str] = deque()
         self._status: str | None = None
+        self._tail: Tail | None = None
+        self._lines = 0
         self._wake = asyncio.Event()
 
     def post(self, text: str) -> None:
@@ -48,10 +52,10 @@ class Viewer:
         """There is a newer frame."""
         self._wake.set()
 
-    def begin_run(self, scene: str, batches: list[str]) -> None:
-        """Another run is shown from now on; what was owed of the one before is void."""
-        self._waiting.clear()
+    def begin_run(self, scene: str, tail: Tail | None, batches: list[str]) -> None:
+        """Another run is shown from now on: the scene, and what is known of its past."""
         self._status = None
+        self._tail, self._lines = tail, 0
         for text in (scene, *batches):
             self.post(text)
         self._last = self._past.frames[-1].number if self._past.frames else -1
@@ -90,6 +94,10 @@ class Viewer:
         if self._status is not None:
             text, self._status = self._status, None
             return text
+        if self._tail is not None:
+            self._lines, lines = self._tail.since(self._lines)
+            if lines:
+                return json.dumps({"t": "log", "lines": lines})
         if len(self._sent) >= AHEAD:
             return None
         found = self._past.since(self._last)

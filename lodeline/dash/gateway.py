@@ -88,11 +88,12 @@ class Gateway:
         self._past.frames.clear()
         for viewer in self._viewers:
             if viewer.greeted:
-                viewer.begin_run(self._scene(), [])
+                self._begin_run(viewer, [])
 
-    def _scene(self) -> str:
+    def _begin_run(self, viewer: Viewer, batches: list[str]) -> None:
         run = self._link.run
-        return json.dumps({"t": "gone", "name": self._link.name} if run is None else run.scene)
+        scene = {"t": "gone", "name": self._link.name} if run is None else run.scene
+        viewer.begin_run(json.dumps(scene), None if run is None else run.tail, batches)
 
     async def _tick(self) -> None:
         due = time.monotonic()
@@ -105,6 +106,8 @@ class Gateway:
                 self._release()
             for viewer in [viewer for viewer in self._viewers if viewer.overdue()]:
                 viewer.drop()
+            if self._viewers:
+                self._link.look()
             run = self._link.run
             if run is None:
                 continue
@@ -123,6 +126,7 @@ class Gateway:
         if len(self._viewers) >= MAX_VIEWERS:
             await connection.close(1013, f"{MAX_VIEWERS} pages are open already")
             return
+        self._link.look()
         viewer = Viewer(connection, self._past)
         self._viewers.add(viewer)
         feeding = asyncio.create_task(viewer.feed())
@@ -170,7 +174,7 @@ class Gateway:
         viewer.post(json.dumps(hello))
         if given and not viewer.trusted:
             viewer.post(_note("this link is an old one: the page only watches"))
-        viewer.begin_run(self._scene(), self._past.batches(MAX_MESSAGE))
+        self._begin_run(viewer, self._past.batches(MAX_MESSAGE))
         if run := self._link.run:
             viewer.post_status(json.dumps(run.status(), separators=(",", ":")))
 

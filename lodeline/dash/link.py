@@ -11,23 +11,27 @@ from typing import Any
 from lodeline.bus import BusError, Client, Publisher
 from lodeline.dash.frames import Newest
 from lodeline.dash.scene import drive_key, file_of, scene, status_of
+from lodeline.dash.tail import Tail
 from lodeline.run_folder import Manifest, Running, running
 from lodeline_msgs import DecodeError, NodeStatus, Twist, encoding_of, pack, unpack
 
 LOOK_S = 0.5
 ASK_S = 1.0
+REST_S = 60.0
+"""When nobody has looked for so long, the pipeline no more sends samples here."""
 
 
 class Run:
     """One run of a pipeline on the bus, from its discovery to its end.
 
-    `scene` is what the page is told once, `newest` what it is drawn from.
+    `scene` is what the page is told once, `newest` what it is drawn from, `tail` the log.
     """
 
     def __init__(self, target: Running) -> None:
         self.manifest: Manifest = target.manifest
         self.scene: dict[str, Any] = scene(self.manifest, file_of(self.manifest))
         self.newest = Newest(self.manifest, self.scene["floor"]["bar_x"])
+        self.tail = Tail()
         self._statuses: dict[str, tuple[NodeStatus, float]] = {}
         self._processes: list[dict[str, Any]] = []
         self._client = Client(target.folder)
@@ -38,6 +42,8 @@ class Run:
         for key in self.newest.detections:
             self._client.subscribe(key, 64, self.newest.take_detection)
         self._client.subscribe_kept(f"{self.manifest.name}/status/*", self._on_status)
+        self._client.subscribe(f"{self.manifest.name}/@log/*", 64, self.tail.take)
+        self._kept_asked = False
         if wheel := drive_key(self.manifest):
             self._wheel = self._client.publisher(wheel, encoding_of(Twist))
 
@@ -50,14 +56,13 @@ class Run:
         if known is None or status.stamp >= known[0].stamp:
             self._statuses[status.node] = (status, time.monotonic())
 
-    def ask_processes(self) -> None:
-        """Let the supervisors tell of their processes; waits for them, at most a second."""
+    def ask_supervisors(self) -> None:
+        """Let them tell of their processes and, once, what was logged; waits a second at most."""
         answers = self._client.ask(f"{self.manifest.name}/@ps/*", ASK_S)
-        found: list[dict[str, Any]] = []
-        for _key, data in answers:
-            report = json.loads(data)
-            found += [item for item in report["processes"] if isinstance(item, dict)]
-        self._processes = found
+        self._processes = [item for _, data in answers for item in json.loads(data)["processes"]]
+        if not self._kept_asked:
+            self._kept_asked = True
+            self.tail.begin(self._client.ask(f"{self.manifest.name}/@log/*", ASK_S))
 
     def status(self) -> dict[str, Any]:
         """How nodes and processes fare now."""
@@ -98,7 +103,9 @@ class Link:
         self.name = name
         self.run: Run | None = None
         self._changed = changed
-        self._stop = threading.Event()
+        self._over = False
+        self._wake = threading.Event()
+        self._looked = time.monotonic()
         self._thread = threading.Thread(target=self._follow, name="link", daemon=True)
 
     def start(self) -> None:
@@ -107,18 +114,28 @@ class Link:
 
     def close(self) -> None:
         """Leave the bus."""
-        self._stop.set()
+        self._over = True
+        self._wake.set()
         self._thread.join(2.0 + ASK_S)
+
+    def look(self) -> None:
+        """Somebody looks at this moment."""
+        rested = time.monotonic() - self._looked >= REST_S
+        self._looked = time.monotonic()
+        if rested:
+            self._wake.set()
 
     def _follow(self) -> None:
         asked = 0.0
-        while not self._stop.is_set():
-            found = running(self.name)
+        while not self._over:
+            self._wake.clear()
+            wanted = time.monotonic() - self._looked < REST_S
+            found = running(self.name) if wanted else []
             self._meet(found[0] if found else None)
             if self.run is not None and time.monotonic() - asked >= ASK_S:
                 asked = time.monotonic()
-                self.run.ask_processes()
-            self._stop.wait(LOOK_S)
+                self.run.ask_supervisors()
+            self._wake.wait(LOOK_S)
         self._meet(None)
 
     def _meet(self, target: Running | None) -> None:

@@ -64,7 +64,7 @@ def scene(manifest: Manifest, pipeline: Pipeline | None) -> dict[str, Any]:
             for key, known in manifest.keys.items()
         },
         "nodes": _nodes(manifest, pipeline),
-        "edges": None if pipeline is None else _edges(pipeline, prefix),
+        "edges": _edges(manifest, prefix),
         "floor": _floor(pipeline),
         "drive": drive_key(manifest) is not None,
     }
@@ -86,16 +86,17 @@ def _nodes(manifest: Manifest, pipeline: Pipeline | None) -> dict[str, dict[str,
     }
 
 
-def _edges(pipeline: Pipeline, prefix: str) -> list[dict[str, Any]]:
+def _edges(manifest: Manifest, prefix: str) -> list[dict[str, Any]]:
     return [
         {
-            "key": edge.key.removeprefix(prefix),
-            "to": spec.name,
-            "queue": edge.queue,
-            "max_age": edge.max_age,
+            "key": key.removeprefix(prefix),
+            "from": manifest.keys[key].node if key in manifest.keys else None,
+            "to": reader.node,
+            "queue": reader.queue,
+            "max_age": reader.max_age,
         }
-        for spec in pipeline.nodes
-        for edge in spec.inputs.values()
+        for key, readers in manifest.readers.items()
+        for reader in readers
     ]
 
 

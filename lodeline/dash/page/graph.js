@@ -1,14 +1,15 @@
 // The pipeline as a graph, left to right: nodes in layers, on each edge what flows over it.
 
 import { hz, ms, percent, put, svg } from "./dom.js";
-import { edgesOf, healthOf, nodesOf } from "./health.js";
+import { healthOf, nodesOf } from "./health.js";
 
-const NODE = { width: 132, height: 42 };
-const ROW = 58;
+const NODE = { width: 136, height: 40 };
+const ROW = 52;
 const WIDTH = 1230;
 const LEFT = 84; // room for keys that come from outside
 const RIGHT = 150; // room for keys that nobody here reads
-const TOP = 8;
+const TOP = 4;
+const ONE_LINE = 235; // px between two layers in which a label needs but one line
 
 export class Graph {
   constructor(place, onPick) {
@@ -21,7 +22,7 @@ export class Graph {
     if (!store.scene) return;
     const status = store.shownStatus;
     const names = nodesOf(store.scene, status);
-    const edges = edgesOf(store.scene, status);
+    const { edges } = store.scene;
     const shape = JSON.stringify([names, edges, store.scene.keys]);
     if (shape !== this.shape) {
       this.shape = shape;
@@ -47,6 +48,7 @@ export class Graph {
       }
     });
     this.edges = [];
+    this.gap = step - NODE.width;
     this.wire(edges, places, wires, labels);
     this.dangling(scene, edges, places, wires, labels);
     this.root.append(wires, labels);
@@ -55,22 +57,19 @@ export class Graph {
   }
 
   wire(edges, places, wires, labels) {
-    const outside = new Map();
     for (const edge of edges) {
       const to = places.get(edge.to);
       const from = edge.from && places.get(edge.from);
       const twins = edges.filter((other) => other.to === edge.to && (from ? other.from === edge.from : !other.from));
       const place = twins.indexOf(edge);
-      const aside = (place - (twins.length - 1) / 2) * 29;
-      const end = [to.x, to.y + NODE.height / 2 + aside * 0.5];
+      const aside = (place - (twins.length - 1) / 2) * 24;
+      const end = [to.x, to.y + NODE.height / 2 + aside];
       if (from) {
-        const start = [from.x + NODE.width, from.y + NODE.height / 2 + aside * 0.5];
-        const middle = [(start[0] + end[0]) / 2, (start[1] + end[1]) / 2 + aside * 0.5];
-        this.add(edge, curve(start, middle, end), middle, wires, labels, "middle");
+        const start = [from.x + NODE.width, from.y + NODE.height / 2 + aside];
+        this.add(edge, curve(start, end), [start[0] + 10, start[1]], wires, labels);
       } else {
         const start = [to.x - LEFT + 6, end[1]];
-        this.add(edge, `M${start}L${end}`, [start[0], end[1]], wires, labels, "start");
-        outside.set(edge.key, true);
+        this.add(edge, `M${start}L${end}`, [start[0], end[1]], wires, labels);
       }
       wires.append(svg("path", { class: "head", d: `M${end}l-8-4v8z` }));
     }
@@ -85,22 +84,25 @@ export class Graph {
         const y = place.y + NODE.height / 2 + (i - (keys.length - 1) / 2) * 28;
         const start = [place.x + NODE.width, y];
         const end = [start[0] + 112, y];
-        this.add({ key, from: name, to: null }, `M${start}L${end}`, [start[0] + 8, y], wires, labels, "start");
+        this.add({ key, from: name, to: null }, `M${start}L${end}`, [start[0] + 8, y], wires, labels);
         wires.append(svg("path", { class: "head", d: `M${end}l-8-4v8z` }));
       });
     }
   }
 
-  add(edge, path, [x, y], wires, labels, anchor) {
+  add(edge, path, [x, y], wires, labels) {
     const wire = svg("path", { class: "wire", d: path });
     const key = svg("tspan", { class: "key" }, edge.key);
     const rate = svg("tspan", { class: "figures", dx: 6 });
     const age = svg("tspan", { class: "figures" });
     const loss = svg("tspan", { class: "loss", dx: 5 });
-    const above = svg("text", { x, y: y - 5, "text-anchor": anchor }, key, rate);
-    const below = svg("text", { x, y: y + 13, "text-anchor": anchor }, age, loss);
+    const above = svg("text", { x, y: y - 5 }, key, rate);
     wires.append(wire);
-    labels.append(above, below);
+    labels.append(above);
+    if (this.gap >= ONE_LINE) {
+      age.setAttribute("dx", 8);
+      above.append(age, loss);
+    } else labels.append(svg("text", { x, y: y + 13 }, age, loss));
     this.edges.push({ ...edge, wire, rate, age, loss });
   }
 
@@ -122,7 +124,7 @@ export class Graph {
 
   box(name, { x, y }) {
     const { width, height } = NODE;
-    const word = svg("text", { class: "word", x: x + 13, y: y + 34 });
+    const word = svg("text", { class: "word", x: x + 13, y: y + 32 });
     const group = svg(
       "g",
       { class: "node", tabindex: 0, role: "button", "data-node": name },
@@ -149,9 +151,11 @@ export class Graph {
   }
 }
 
-const curve = (a, m, b) => {
-  const bend = (b[0] - a[0]) * 0.28;
-  return `M${a}C${a[0] + bend},${a[1]} ${m[0] - bend},${m[1]} ${m}S${b[0] - bend},${b[1]} ${b}`;
+// Flat for most of the way, where the label stands on it, then over to its reader.
+const curve = (a, b) => {
+  const flat = a[0] + (b[0] - a[0]) * 0.72;
+  const bend = (b[0] - flat) * 0.5;
+  return `M${a}L${flat},${a[1]}C${flat + bend},${a[1]} ${b[0] - bend},${b[1]} ${b}`;
 };
 
 // Layers of {name, row}: as far right as the longest way to a node, beside what it hears.

@@ -34,10 +34,3 @@ export function nodesOf(scene, status) {
   const others = Object.keys(status?.nodes ?? {}).filter((name) => !scene.nodes[name]);
   return [...names, ...others];
 }
-
-// Edges of the pipeline: from the file, or else from what each node says that it receives.
-export function edgesOf(scene, status) {
-  const edges = scene.edges ?? Object.entries(status?.nodes ?? {}).flatMap(([to, said]) =>
-    Object.keys(said.received).map((key) => ({ key, to })));
-  return edges.map((edge) => ({ ...edge, from: scene.keys[edge.key]?.node ?? null }));
-}

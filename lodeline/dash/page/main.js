@@ -1,6 +1,6 @@
 // The page: takes what the gateway sends, and draws what has changed.
 
-import { $, NONE, colours, degrees, duration, el, fixed, put, readColours, svg, wrapped } from "./dom.js";
+import { $, NONE, degrees, duration, el, fixed, put, readColours, svg, wrapped } from "./dom.js";
 import { Drive } from "./drive.js";
 import { Graph } from "./graph.js";
 import { healthOf, nodesOf } from "./health.js";
@@ -14,6 +14,7 @@ import { Store } from "./store.js";
 
 const PLOTS_MS = 160;
 const NOTE_MS = 5000;
+const STALE_S = 1;
 
 const store = new Store();
 let dirty = true;
@@ -47,8 +48,7 @@ const line = new Line({
   },
   scene(said) {
     store.begin(said);
-    log.begin();
-    log.add(Date.now() / 1e3, said.name, `pipeline ${said.digest} is here`);
+    log.add(Date.now() / 1e3, "page", `connected to ${said.name}, pipeline ${said.digest}`);
     document.title = `${said.name} \u00b7 Lodeline`;
     put($("name"), said.name);
     put($("badge"), said.badge);
@@ -65,7 +65,7 @@ const line = new Line({
   },
   gone(said) {
     drive.allow(false);
-    if (store.scene) log.add(Date.now() / 1e3, said.name, "stopped");
+    log.add(Date.now() / 1e3, "page", `${said.name} does not run`);
     setState("gone", "DISCONNECTED", `DISCONNECTED \u2013 ${said.name} does not run. Start it with: lodeline up`);
   },
   past(said) {
@@ -78,7 +78,6 @@ const line = new Line({
   },
   status(said) {
     store.addStatus(said);
-    if (store.scene) log.watch(store.scene, said);
     showStatus();
   },
   log(said) {
@@ -131,7 +130,9 @@ function showPose(frame) {
   put($("bound"), frame.ellipse ? fixed(frame.ellipse.a * 1e3, 1) : NONE);
   put($("error"), frame.error === undefined ? NONE : fixed(frame.error * 1e3, 1));
   $("pose").dataset.seq = best?.seq ?? "";
-  $("pose").classList.toggle("ambiguous", Boolean(pose?.ambiguous));
+  const stale = store.held === null && best?.age > STALE_S;
+  put($("flag"), stale ? `\u25b2 no pose for ${fixed(best.age, 0)} s` : "\u25b2 ambiguous");
+  $("flag").hidden = !stale && !pose?.ambiguous;
   put($("roll"), tilt ? fixed(degrees(tilt.roll), 1) : NONE);
   put($("pitch"), tilt ? fixed(degrees(tilt.pitch), 1) : NONE);
   const yaw = pose?.yaw ?? tilt?.yaw ?? best?.yaw;
@@ -195,10 +196,9 @@ function setTheme(theme) {
   redraw();
 }
 
-const asked = new URLSearchParams(location.search).get("theme");
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const chosen = () => localStorage.getItem("theme");
-setTheme(asked ?? chosen() ?? (dark.matches ? "dark" : "light"));
+setTheme(chosen() ?? (dark.matches ? "dark" : "light"));
 dark.addEventListener("change", () => chosen() || setTheme(dark.matches ? "dark" : "light"));
 $("theme").addEventListener("click", () => {
   const theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
@@ -226,6 +226,7 @@ function choose(tab) {
     other.tabIndex = on ? 0 : -1;
     $(other.getAttribute("aria-controls")).hidden = !on;
   }
+  log.toEnd();
 }
 tabs.forEach((tab, i) => {
   tab.addEventListener("click", () => choose(tab));

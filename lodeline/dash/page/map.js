@@ -142,7 +142,7 @@ export class FloorMap {
         const i = Math.round((x - floor.origin[0]) / floor.pitch);
         const j = Math.round((y - floor.origin[1]) / floor.pitch);
         seen.set(`${i} ${j}`, [i, j]);
-        if (step < 18) continue;
+        if (step < 30) continue;
         c.moveTo(this.x(x) - arm, this.y(y));
         c.lineTo(this.x(x) + arm, this.y(y));
         c.moveTo(this.x(x), this.y(y) - arm);

@@ -1,7 +1,7 @@
 // The list of nodes, and one node in detail with its restart button.
 
 import { $, NONE, duration, el, fixed, hz, ms, percent, put } from "./dom.js";
-import { edgesOf, healthOf, nodesOf } from "./health.js";
+import { healthOf, nodesOf } from "./health.js";
 
 const MB = 1 << 20;
 const HEADINGS = [["Node"], ["State"], ["Host"], ["Out", "n"], ["Age p50 / p99", "n"], ["Lost", "n"], ["Late", "n"], ["Refused", "n"], ["CPU", "n"], ["Memory", "n"], ["Restarts", "n"], ["Last error"]];
@@ -120,15 +120,15 @@ export class Detail {
   }
 
   inputs(store, said) {
-    const edges = edgesOf(store.scene, store.shownStatus).filter((edge) => edge.to === this.name);
-    const rows = edges.map(({ key, queue }) => [
+    const edges = store.scene.edges.filter((edge) => edge.to === this.name);
+    const rows = edges.map(({ key, queue, max_age: oldest }) => [
       key,
       key in said.received ? `${ms(said.age_p50[key])} / ${ms(said.age_p99[key])} ms` : "direct call",
       said.lost[key] ?? NONE,
       said.late[key] ?? NONE,
-      queue ?? NONE,
+      `${queue}, ${oldest === null ? "any age" : `${ms(oldest)} ms`}`,
     ]);
-    return rows.length ? [el("h3", {}, "In"), lines(["Key", "Age p50 / p99", "Lost", "Late", "Queue"], rows)] : [];
+    return rows.length ? [el("h3", {}, "In"), lines(["Key", "Age p50 / p99", "Lost", "Late", "Queue, max"], rows)] : [];
   }
 
   outputs(said) {

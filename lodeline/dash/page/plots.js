@@ -12,19 +12,19 @@ const angle = (radians) => (radians === undefined ? undefined : degrees(wrapped(
 function plotsOf(roles, gate) {
   const all = [
     roles.pose && {
-      title: "Position", unit: "m", digits: 3,
+      title: "x, y", unit: "m", digits: 3,
       series: [["x", "ekf", [], (f) => f.pose?.x], ["y", "hit", [5, 3], (f) => f.pose?.y]],
     },
     (roles.pose || roles.attitude) && {
       title: "Heading", unit: "\u00b0", digits: 1, low: -180, high: 180, turns: 360,
       series: [
-        roles.attitude && ["attitude", "odom", [5, 3], (f) => angle(f.tilt?.yaw)],
-        roles.pose && ["pose", "ekf", [], (f) => angle(f.pose?.yaw)],
+        roles.attitude && ["att", "odom", [5, 3], (f) => angle(f.tilt?.yaw)],
+        roles.pose && ["EKF", "ekf", [], (f) => angle(f.pose?.yaw)],
       ],
     },
     roles.truth && {
       title: "Error", unit: "mm", digits: 1, log: true, low: 0.1, high: 100,
-      series: [["odometry", "odom", [5, 3], (f) => mm(f.drift)], roles.pose && ["pose", "ekf", [], (f) => mm(f.error)]],
+      series: [["odom", "odom", [5, 3], (f) => mm(f.drift)], roles.pose && ["EKF", "ekf", [], (f) => mm(f.error)]],
     },
     roles.pose && {
       title: "95 %", unit: "mm", digits: 1, low: 0,
@@ -33,13 +33,13 @@ function plotsOf(roles, gate) {
     roles.pose && {
       title: "\u03c3 yaw", unit: "\u00b0", digits: 2, low: 0,
       series: [
-        ["pose", "ekf", [], (f) => f.ellipse && degrees(f.ellipse.yaw)],
-        roles.attitude && ["attitude", "odom", [5, 3], (f) => f.attitude && degrees(f.attitude.heading_std)],
+        ["EKF", "ekf", [], (f) => f.ellipse && degrees(f.ellipse.yaw)],
+        roles.attitude && ["att", "odom", [5, 3], (f) => f.attitude && degrees(f.attitude.heading_std)],
       ],
     },
     roles.pose && {
       title: "NIS", unit: "", digits: 1, low: 0, high: gate * 1.25, limit: gate, dots: true,
-      series: [["last magnet", "ekf", [], (f) => f.pose?.nis]],
+      series: [["magnets", "ekf", [], (f) => f.pose?.nis]],
     },
     roles.odom && {
       title: "Speed", unit: "m/s", digits: 3,
@@ -232,24 +232,24 @@ function title(c, plot, frame, box) {
   const wide = c.measureText(plot.title).width;
   c.font = `11px ${FONT}`;
   c.fillStyle = colours["ink-3"];
-  c.fillText(plot.unit, 8 + wide, 12);
+  c.fillText(plot.unit, 7 + wide, 12);
   let right = box.right;
   for (const [name, colour, dash, value] of [...plot.series].reverse()) {
     const now = frame && value(frame);
-    const text = `${name} ${now === undefined || now === null ? NONE : fixed(now, plot.digits)}`;
-    c.font = `11.5px ${FONT}`;
+    const text = `${name} ${now === undefined || now === null ? NONE : fixed(now, Math.abs(now) >= 100 ? Math.max(0, plot.digits - 1) : plot.digits)}`;
+    c.font = `11px ${FONT}`;
     c.textAlign = "right";
     c.fillStyle = colours[colour];
     c.fillText(text, right, 12);
-    const start = right - c.measureText(text).width - 16;
+    const start = right - c.measureText(text).width - 14;
     c.strokeStyle = colours[colour];
     c.lineWidth = 2;
     c.setLineDash(dash.length ? [4, 2] : []);
     c.beginPath();
     c.moveTo(start, 8);
-    c.lineTo(start + 12, 8);
+    c.lineTo(start + 11, 8);
     c.stroke();
     c.setLineDash([]);
-    right = start - 8;
+    right = start - 6;
   }
 }
