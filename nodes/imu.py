@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from lodeline.devices import STATES, CompassParams, ImuBoard, MpuParams
+from lodeline.devices import STATES, CompassParams, ImuBoard, MpuParams, Pace, check_fifo
 from lodeline.i2c import open_bus
 from lodeline.node import Driver, Output
 from lodeline.stamps import seconds
@@ -14,12 +14,15 @@ from lodeline_msgs import Imu, MagneticField
 
 @dataclass(frozen=True, slots=True)
 class ImuParams:
-    """Which bus, how often, and how the two chips are set."""
+    """Which bus, how often it is read, and how the two chips are set."""
 
     bus: Annotated[int | str, "number of the I2C bus, or sim"] = "sim"
     rate: Annotated[float, "Hz"] = 200.0
     imu: MpuParams = field(default_factory=MpuParams)
     magnetometer: CompassParams = field(default_factory=CompassParams)
+
+    def __post_init__(self) -> None:
+        check_fifo(self.imu, self.rate)
 
 
 class ImuDriver(Driver[ImuParams]):
@@ -31,12 +34,15 @@ class ImuDriver(Driver[ImuParams]):
     def setup(self) -> None:
         p = self.params
         bus = open_bus(p.bus, self.context.sim_socket)
-        self.board = ImuBoard(bus, p.imu, p.magnetometer)
+        self.board = ImuBoard(bus, self.context.monotonic, p.imu, p.magnetometer)
+        self.pace = Pace(p.rate)
 
     def tick(self, stamp: int) -> None:
-        reading, magnetic_field = self.board.read(seconds(stamp))
-        if reading is not None:
-            self.data_raw.send(Imu(stamp, reading.angular_velocity, reading.linear_acceleration))
+        if self.pace.late(seconds(stamp)):
+            self.context.reject("late tick")
+        readings, magnetic_field = self.board.read(stamp)
+        for taken, reading in readings:
+            self.data_raw.send(Imu(taken, reading.angular_velocity, reading.linear_acceleration))
         if magnetic_field is not None:
             self.mag_raw.send(MagneticField(stamp, magnetic_field))
         health = self.board.health

@@ -5,6 +5,8 @@ from lodeline.devices.as5048b import Encoders, EncodersParams, EncodersState
 from lodeline.devices.board import ImuBoard
 from lodeline.devices.link import STATES, DeviceError, Health
 from lodeline.devices.mpu import ImuReading, Mpu, MpuParams
+from lodeline.devices.mpu_fifo import MpuFifo, check_fifo
+from lodeline.devices.pace import Pace
 from lodeline.devices.reed_bar import ReedBar, ReedBarParams
 
 __all__ = [
@@ -20,7 +22,10 @@ __all__ = [
     "ImuBoard",
     "ImuReading",
     "Mpu",
+    "MpuFifo",
     "MpuParams",
+    "Pace",
     "ReedBar",
     "ReedBarParams",
+    "check_fifo",
 ]

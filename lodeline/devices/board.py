@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from lodeline.devices.ak8963 import Ak8963, Ak8975, CompassParams
 from lodeline.devices.link import Health
 from lodeline.devices.mpu import MODELS, ImuReading, Mpu, MpuParams
+from lodeline.devices.mpu_fifo import MpuFifo
 from lodeline.i2c import Bus
+from lodeline.stamps import seconds
 
 Field = tuple[float, float, float]
+NANO = 1e9  # ns/s
 COMPASSES = {"AK8963": Ak8963, "AK8975": Ak8975}
 
 
@@ -15,25 +20,37 @@ class ImuBoard:
     """Finds out which chip answers, and drives what it has.
 
     DeviceError on construction if it is not the one declared. A board without magnetometer is
-    degraded: it can be used, but not for long know where north is.
+    degraded: it can be used, but not for long know where north is. `clock` [s] is for the FIFO,
+    which looks at it within a tick.
     """
 
     def __init__(
         self,
         bus: Bus,
+        clock: Callable[[], float],
         params: MpuParams | None = None,
         compass: CompassParams | None = None,
         name: str = "imu",
     ) -> None:
-        self.mpu = Mpu(bus, params, name)
+        params = params if params is not None else MpuParams()
+        self.mpu = MpuFifo(bus, params, clock, name) if params.fifo else Mpu(bus, params, name)
         self.compass: Ak8963 | None = None
         self._compass_params = compass
         self._bus = bus
 
-    def read(self, now_s: float) -> tuple[ImuReading | None, Field | None]:
-        """Return a sample and a field [T] taken now, at the monotonic `now_s` [s], if there are."""
-        reading = self.mpu.read(now_s)
-        return reading, self._field(now_s) if self.mpu.link.up else None
+    def read(self, stamp: int) -> tuple[list[tuple[int, ImuReading]], Field | None]:
+        """Return the samples there are, each with its stamp, and a field [T] if there is one.
+
+        `stamp` [ns] is now. Without FIFO there is one sample at most, and it is of now.
+        """
+        now_s = seconds(stamp)
+        if isinstance(self.mpu, MpuFifo):
+            taken = self.mpu.read_all(now_s)
+            readings = [(stamp + round((t - now_s) * NANO), reading) for t, reading in taken]
+        else:
+            reading = self.mpu.read(now_s)
+            readings = [] if reading is None else [(stamp, reading)]
+        return readings, self._field(now_s) if self.mpu.link.up else None
 
     def _field(self, now_s: float) -> Field | None:
         kind = COMPASSES.get(self.mpu.model.compass)

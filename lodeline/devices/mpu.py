@@ -27,6 +27,7 @@ WHO_AM_I = 0x75
 RESET = 0x80
 CLOCK_AUTO = 0x01
 BYPASS = 0x02
+KEEP_OLD = 0x40  # a full FIFO takes no more, so that its frames stay in step
 GRAVITY = 9.80665  # m/s^2 in one g
 GYRO_CODES = {250: 0, 500: 1, 1000: 2, 2000: 3}
 ACCEL_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
@@ -67,7 +68,8 @@ class MpuParams:
     same of themselves). `dlpf` is DLPF_CFG for gyro
     and accelerometer alike: 1 to 6 stand for a gyro bandwidth of 184, 92, 41, 20, 10 and 5 Hz.
     `sample_rate` is the chip's own, 1000 Hz or a whole fraction of it; reading slower than it
-    samples costs nothing and keeps what is read fresh.
+    samples costs nothing and keeps what is read fresh. With `fifo` every one of its samples is read
+    (see mpu_fifo).
     """
 
     chip: Literal["auto", "mpu9250", "mpu9255", "mpu9150", "mpu6500", "mpu6050"] = "auto"
@@ -76,6 +78,7 @@ class MpuParams:
     accel_range: Annotated[Literal[2, 4, 8, 16], "g"] = 4
     dlpf: Annotated[Literal[1, 2, 3, 4, 5, 6], "1"] = 2
     sample_rate: Annotated[float, "Hz"] = 1000.0
+    fifo: Annotated[bool, "1"] = False
 
     def __post_init__(self) -> None:
         whole = 1 <= self.divider <= 256
@@ -112,7 +115,8 @@ class Mpu:
         self._rate_per_lsb = radians(params.gyro_range) / FULL_SCALE
         self._force_per_lsb = params.accel_range * GRAVITY / FULL_SCALE
         self._check_s = float("-inf")
-        self.link = Link(name, bus, params.address, (self._reset, self._wake, self._configure))
+        stages = (self._reset, self._wake, self._configure, self._start)
+        self.link = Link(name, bus, params.address, stages)
         bandwidth = BANDWIDTHS[params.dlpf]
         self.guard = Guard(name, self.health, params.gyro_range, params.accel_range, bandwidth)
         with contextlib.suppress(OSError):  # read() brings it up once it answers
@@ -179,7 +183,7 @@ class Mpu:
         p = self.params
         settings = (
             p.divider - 1,
-            p.dlpf,
+            p.dlpf | KEEP_OLD * p.fifo,
             GYRO_CODES[p.gyro_range] << 3,
             ACCEL_CODES[p.accel_range] << 3,
             p.dlpf,
@@ -220,6 +224,10 @@ class Mpu:
         if not self._is_configured():
             raise DeviceError(f"IMU_SETTINGS {self.name}: the chip does not keep its settings")
         return START_TIME
+
+    def _start(self) -> float:
+        """What is to be done once the sensors have started; here nothing."""
+        return 0.0
 
     def _is_configured(self) -> bool:
         bus, address, settings = self.bus, self.params.address, self._settings

@@ -21,12 +21,18 @@ class Rig:
         self.now = 0.0
         self.fail: Callable[[int], int] = lambda address: 0
         self.transactions = 0
+        self.latency = 0.0  # s that a transaction takes, before its chip answers
         self.robot = SimulatedRobot(params, lambda: self.now)
         self.bus: Bus = open_model(self)
+
+    def clock(self) -> float:
+        """The time [s]."""
+        return self.now
 
     def transfer(self, messages: Sequence[Message]) -> list[bytes]:
         """Stand between the driver's bus and the robot's."""
         self.transactions += 1
+        self.now += self.latency
         number = self.fail(messages[0].address)
         if number:
             raise OSError(number, os.strerror(number))
@@ -36,8 +42,8 @@ class Rig:
         """Read `rate` times a second for some seconds; (time, what was read)."""
         begin, got = self.now, []
         for i in range(1, round(seconds * rate) + 1):
-            self.now = begin + i / rate
-            got.append((self.now, read(self.now)))
+            now = self.now = begin + i / rate
+            got.append((now, read(now)))
         return got
 
 

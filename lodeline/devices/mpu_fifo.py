@@ -1,0 +1,134 @@
+"""Every sample of an MPU, out of its FIFO, with the time at which it was taken.
+
+For 500 Hz and 1 kHz: one look every few samples, instead of a tick for each. At 1 kHz a bus of
+400 kHz is busy for 40 % of the time; one of 100 kHz is too slow.
+"""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Callable
+
+from smbus2 import i2c_msg
+
+from lodeline.devices.mpu import INT_PIN_CFG, USER_CTRL, ImuReading, Mpu, MpuParams
+from lodeline.devices.sample_clock import SampleClock
+from lodeline.i2c import Bus
+
+FIFO_EN = 0x23
+FIFO_COUNT_H = 0x72
+FIFO_R_W = 0x74
+EVERYTHING = 0xF8  # accelerometer, thermometer and gyro, in the order of the data registers
+FIFO_ON, FIFO_RESET = 0x40, 0x04
+OVERFLOW = 0x10
+FRAME = 14  # bytes
+FULLEST = 0.5  # part of the FIFO that one look may find, so that a late look loses nothing
+NOT_READ = (errno.EREMOTEIO, errno.ENXIO)  # not acknowledged: then nothing was read either
+
+
+def check_fifo(params: MpuParams, rate: float) -> None:
+    """Raise ValueError if `rate` looks a second [Hz] are too few for the chip's FIFO."""
+    most = FULLEST * 512 / FRAME
+    if params.fifo and params.sample_rate > most * rate:
+        needed = params.sample_rate / most
+        raise ValueError(
+            f"a FIFO at {params.sample_rate:g} Hz needs a rate of {needed:.0f} Hz or more"
+        )
+
+
+class MpuFifo(Mpu):
+    """The driver with a FIFO. `clock` [s] tells how late a look is within its tick."""
+
+    def __init__(
+        self, bus: Bus, params: MpuParams, clock: Callable[[], float], name: str = "imu"
+    ) -> None:
+        super().__init__(bus, params, name)
+        self._clock = clock
+        self._samples = SampleClock(1.0 / params.sample_rate)
+        self._waiting = 0  # samples that were counted, and could not be read
+        self._last_s = 0.0
+        self._torn = False
+        self.lost = 0
+
+    def read_all(self, now_s: float) -> list[tuple[float, ImuReading]]:
+        """Return all samples taken since the last look: (time [s] by the clock of `now_s`, sample).
+
+        `now_s` is now, at the beginning of the tick.
+        """
+        ahead_s = now_s - self._clock()
+        if not self.ready(now_s):
+            return []
+        before_s = self._clock() + ahead_s
+        counted = self.link.attempt(now_s, self._count)
+        after_s = self._clock() + ahead_s
+        if counted is None:
+            return []
+        if counted > self.model.fifo_size - FRAME:
+            self._drop(now_s, "FIFO_OVERFLOW", "read too late")
+            return []
+        there = counted // FRAME
+        self._samples.update(before_s, after_s, there - self._waiting)
+        self._waiting = there
+        period, newest = self._samples.period, self._samples.newest
+        first = newest - (there - 1) * period
+        frames = self._frames(now_s, there) if there else []
+        samples = []
+        for place, frame in enumerate(frames):
+            # a first guess may be late by a sample: stamps never go back for it
+            t = self._last_s = max(first + place * period, self._last_s + 1e-6)
+            if self.guard.passes(t, frame):
+                samples.append((t, self.decode(frame)))
+        return samples
+
+    def _frames(self, now_s: float, there: int) -> list[bytes]:
+        """Take the frames out, and look whether the chip is still the one that was set up."""
+        data = self.link.attempt(now_s, lambda: self._pop(there * FRAME))
+        if data is None:
+            if self._torn:
+                self._drop(now_s, "FIFO_TORN", "failed half-way")
+            return []
+        self._waiting = 0
+        state = self.link.attempt(now_s, self._state)
+        if state is None or self.forgot(now_s, state[0]):
+            self._samples.restart()
+            self.lost += there
+            return []
+        if state[3] & OVERFLOW:
+            self._drop(now_s, "FIFO_OVERFLOW", "read too late")
+            return []
+        return [data[at : at + FRAME] for at in range(0, len(data), FRAME)]
+
+    def _drop(self, now_s: float, code: str, why: str) -> None:
+        """Empty the FIFO, whose frames cannot be told apart or counted any more."""
+        lost = round((now_s - self._last_s) / self._samples.period) if self._last_s else 0
+        self.lost += lost
+        self.health.tell(f"{code} {self.name}: {why}, {lost} samples lost")
+        self.link.attempt(now_s, self._start)
+
+    def _count(self) -> int:
+        high, low = self.bus.read_i2c_block_data(self.params.address, FIFO_COUNT_H, 2)
+        return high << 8 | low
+
+    def _pop(self, length: int) -> bytes:
+        if self._torn:  # trying again would read frames out of step
+            raise OSError(errno.EIO, "FIFO read failed half-way")
+        got = i2c_msg.read(self.params.address, length)
+        try:
+            self.bus.i2c_rdwr(i2c_msg.write(self.params.address, [FIFO_R_W]), got)
+        except OSError as error:
+            self._torn = error.errno not in NOT_READ
+            raise
+        return bytes(iter(got))
+
+    def _state(self) -> list[int]:
+        return self.bus.read_i2c_block_data(self.params.address, INT_PIN_CFG, 4)
+
+    def _start(self) -> float:
+        bus, address = self.bus, self.params.address
+        bus.write_byte_data(address, FIFO_EN, EVERYTHING)
+        bus.write_byte_data(address, USER_CTRL, FIFO_ON | FIFO_RESET)
+        self._state()  # clears an overflow of before
+        self._samples.restart()
+        self._waiting = 0
+        self._torn = False
+        return 0.0

@@ -1,0 +1,168 @@
+"""Every sample of the FIFO comes out, with the time at which the chip took it."""
+
+from __future__ import annotations
+
+import random
+from itertools import pairwise
+from math import atan2, cos, pi, sin
+
+import pytest
+
+from lodeline.devices import ImuBoard, MpuFifo, MpuParams, check_fifo
+from lodeline.devices.sample_clock import SampleClock
+from tests.devices.rig import MakeRig, Rig
+
+HAND = 0.2  # s: what the accelerometer feels goes round as the hand of a clock does
+LENGTH = 30.0  # m/s^2, so that a bit of it is some microseconds
+
+
+def hand(t: float) -> tuple[float, float, float]:
+    return LENGTH * cos(2.0 * pi * t / HAND), LENGTH * sin(2.0 * pi * t / HAND), 9.8
+
+
+def told(stamp: float, force: tuple[float, float, float]) -> float:
+    """When a force was felt [s], known to be about at the stamp."""
+    since = atan2(force[1], force[0]) / (2.0 * pi) * HAND
+    return since + HAND * round((stamp - since) / HAND)
+
+
+class Stage:
+    """A board read through its FIFO, with ticks as uneven as a busy machine makes them."""
+
+    def __init__(self, bench: Rig, sample_rate: float, tick_rate: float) -> None:
+        self.bench = bench
+        self.chip = bench.robot.imu
+        self.chip._specific_force = hand
+        self.chip._angular_velocity = lambda t: (0.3 * sin(9e4 * t), 0.0, 0.3 * sin(2e5 * t))
+        params = MpuParams(sample_rate=sample_rate, fifo=True)
+        self.board = ImuBoard(bench.bus, bench.clock, params)
+        self.period = 1.0 / sample_rate
+        self.tick_rate = tick_rate
+        self.dice = random.Random(7)
+        self.late: list[float] = []
+        bench.latency = 0.1e-3  # s: 25 bits of 400 kHz, and the system call
+
+    def run(self, seconds: float) -> list[tuple[float, float]]:
+        """Samples of some seconds: (stamp [s], when the chip took it [s])."""
+        bench, begin, got = self.bench, self.bench.now, []
+        for i in range(1, round(seconds * self.tick_rate) + 1):
+            late = min(self.dice.expovariate(1.0 / 60e-6), 5e-3)
+            bench.now = max(bench.now, begin + i / self.tick_rate + late)
+            samples, _ = self.board.read(round(bench.now * 1e9))
+            got += [(s * 1e-9, told(s * 1e-9, r.linear_acceleration)) for s, r in samples]
+        return got
+
+
+def errors(got: list[tuple[float, float]], period: float) -> list[float]:
+    """Stamps less truth, in samples."""
+    return [(stamp - true) / period for stamp, true in got]
+
+
+@pytest.mark.parametrize("error", [-0.01, -0.001, 0.003, 0.01])
+@pytest.mark.parametrize(("sample_rate", "tick_rate"), [(1000.0, 100.0), (500.0, 100.0)])
+def test_stamps_are_right_to_a_fifth_of_a_sample(
+    rig: MakeRig, sample_rate: float, tick_rate: float, error: float
+) -> None:
+    stage = Stage(rig(imu_clock_error=error), sample_rate, tick_rate)
+    stage.run(3.0)
+    got = stage.run(4.0)
+    assert len(got) == pytest.approx(4.0 * sample_rate * (1.0 + error), abs=12), "none is missing"
+    assert all(after > before for (before, _), (after, _) in pairwise(got))
+    assert max(map(abs, errors(got, stage.period))) < 0.2
+
+
+def test_stamps_are_right_to_a_fifth_of_a_sample_for_any_clock() -> None:
+    """The arithmetic alone, over clocks that no chip of the simulator has: drifting ones."""
+    for seed in range(20):
+        dice = random.Random(seed)
+        off, phase = dice.uniform(-0.02, 0.02), dice.random()
+        period = 0.001
+
+        def taken(k: float, off: float = off, phase: float = phase) -> float:
+            # a clock that drifts by 0.01 % and back within a minute
+            t = (k + phase) * 0.001 / (1.0 + off)
+            return t + 1e-4 * 60.0 / (2.0 * pi) * sin(2.0 * pi * t / 60.0)
+
+        clock, seen, worst = SampleClock(period), 0, 0.0
+        for tick in range(1, 1500):
+            before = 0.01 * tick + dice.expovariate(1.0 / 60e-6)
+            at, after = before + dice.uniform(20e-6, 100e-6), before + 120e-6
+            count = seen
+            while taken(count + 1) <= at:
+                count += 1
+            clock.update(before, after, count - seen)
+            seen = count
+            if tick > 300:
+                worst = max(worst, abs(clock.newest - taken(count)) / period)
+                assert abs(clock.newest - taken(count)) <= clock.uncertainty + 2e-6
+        assert worst < 0.2, seed
+
+
+def test_the_first_stamps_are_right_to_half_a_sample_and_none_goes_back(rig: MakeRig) -> None:
+    stage = Stage(rig(), 1000.0, 100.0)
+    got = stage.run(1.0)
+    assert all(after > before for (before, _), (after, _) in pairwise(got))
+    assert max(map(abs, errors(got, stage.period))) < 0.7
+
+
+def test_a_look_that_comes_too_late_loses_samples_and_says_how_many(rig: MakeRig) -> None:
+    stage = Stage(rig(), 1000.0, 100.0)
+    stage.run(3.0)
+    before = stage.bench.now
+    stage.bench.now += 0.2
+    got = stage.run(2.0)
+    mpu = stage.board.mpu
+    assert isinstance(mpu, MpuFifo)
+    lost = round((got[0][0] - before) / stage.period)
+    assert mpu.health.message == f"FIFO_OVERFLOW imu: read too late, {mpu.lost} samples lost"
+    assert mpu.lost == pytest.approx(lost, abs=20)
+    assert got[0][0] - (before + 0.2) < 0.02, "on again with the next look"
+    assert max(map(abs, errors(got[1000:], stage.period))) < 0.2
+    assert stage.board.health.state == "ok"
+
+
+def test_a_nack_costs_nothing_and_a_torn_read_never_shifts_a_frame(rig: MakeRig) -> None:
+    stage = Stage(rig(), 1000.0, 100.0)
+    stage.run(2.0)
+    dice = random.Random(3)
+    stage.bench.fail = lambda address: 121 if address == 0x68 and dice.random() < 0.03 else 0
+    got = stage.run(2.0)
+    assert len(got) == pytest.approx(2006, abs=12)
+    stage.bench.fail = lambda address: 5 if address == 0x68 and dice.random() < 0.03 else 0
+    got = stage.run(5.0)
+    stage.bench.fail = lambda address: 0
+    mpu = stage.board.mpu
+    assert isinstance(mpu, MpuFifo)
+    assert mpu.lost > 0
+    assert len(got) + mpu.lost == pytest.approx(5015, rel=0.02)
+    assert all(abs(s - t) < 0.01 for s, t in got), "a shifted frame would feel anything"
+
+
+def test_a_reset_in_flight_lets_no_sample_out_until_all_is_set_again(rig: MakeRig) -> None:
+    stage = Stage(rig(), 1000.0, 100.0)
+    stage.run(2.0)
+    stage.chip.reset()
+    at = stage.bench.now
+    got = stage.run(1.0)
+    assert all(abs(s - t) < 0.01 for s, t in got)
+    assert got[0][0] - at < 0.3
+    assert "IMU_RESET imu" in stage.board.mpu.health.message
+
+
+def test_samples_come_out_at_the_rate_of_the_chip_and_cost_three_transactions_a_look(
+    rig: MakeRig,
+) -> None:
+    stage = Stage(rig(imu_chip="mpu6500"), 500.0, 50.0)
+    stage.run(1.0)
+    before = stage.bench.transactions
+    got = stage.run(2.0)
+    assert len(got) == pytest.approx(1003, abs=12)
+    assert stage.bench.transactions - before <= 3 * 100 + 3 * 21
+
+
+def test_a_rate_that_would_overflow_the_fifo_is_refused() -> None:
+    params = MpuParams(sample_rate=1000.0, fifo=True)
+    with pytest.raises(ValueError, match="needs a rate of 55 Hz or more"):
+        check_fifo(params, 50.0)
+    check_fifo(params, 55.0)
+    check_fifo(MpuParams(sample_rate=1000.0), 1.0)
