@@ -24,6 +24,8 @@ os.environ.setdefault(
 
 import zenoh
 
+from lodeline.hosts.links import Link
+
 HUB_SOCKET = "hub.sock"
 MAX_MESSAGE = 1 << 20
 LEASE_MS = 3000
@@ -100,7 +102,7 @@ class Session:
         At most `queue` samples wait; when `take` is slower than the key, the oldest go.
         """
         subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(queue))
-        self._receive(key, subscriber, take)
+        self._receive(key, subscriber, _with_put(take))
 
     def subscribe_from(self, key: str, queue: int, take: Callable[[str, bytes], None]) -> None:
         """As `subscribe`, but calls `take(source, data)`: the sender's `Session.id`, or "".
@@ -126,13 +128,12 @@ class Session:
             zenoh.handlers.RingChannel(256),
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
         )
-        self._receive(key, subscriber, take)
+        self._receive(key, subscriber, _with_put(take))
 
-    def _receive(self, key: str, subscriber: Any, take: Callable[[str, bytes, str], None]) -> None:
+    def _receive(self, key: str, subscriber: Any, take: Callable[[zenoh.Sample], None]) -> None:
         def run() -> None:
             for sample in _samples(subscriber):
-                if sample.kind == zenoh.SampleKind.PUT:
-                    take(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding))
+                take(sample)
 
         self._listen(key, subscriber, run)
 
@@ -155,6 +156,17 @@ class Session:
         replies = self._session.get(key, timeout=timeout)
         good = [reply.ok for reply in replies if reply.ok is not None]
         return [(str(sample.key_expr), sample.payload.to_bytes()) for sample in good]
+
+    def claim(self, key: str) -> None:
+        """Let others see that this session lives, for as long as it does."""
+        self._kept.append(self._session.liveliness().declare_token(key))
+
+    def watch_claims(self, key: str, take: Callable[[str, bool], None]) -> None:
+        """Call `take(key, there)`, in a thread, for each claim that is there, comes or goes."""
+        subscriber = self._session.liveliness().declare_subscriber(
+            key, zenoh.handlers.FifoChannel(256), history=True
+        )
+        self._receive(key, subscriber, lambda sample: take(*_presence(sample)))
 
     @property
     def id(self) -> str:
@@ -200,10 +212,27 @@ class Peer(Session):
 
 
 class Hub(Session):
-    """The session of a host's supervisor: introduces peers, lets tools and other hosts in."""
+    """The session of a host's supervisor: introduces peers, lets tools and other hosts in.
 
-    def __init__(self, run_folder: Path) -> None:
-        super().__init__({"mode": "router", "listen/endpoints": [_unix(run_folder / HUB_SOCKET)]})
+    Its `link`, if the host has one, is opened and closed by itself as the others come and go.
+    """
+
+    def __init__(self, run_folder: Path, link: Link | None = None) -> None:
+        link = link or Link()
+        super().__init__(
+            {
+                "mode": "router",
+                "listen/endpoints": [_unix(run_folder / HUB_SOCKET), *link.listen],
+                "listen/timeout_ms": {"router": -1 if link.listen else 0},
+                "listen/exit_on_failure": {"router": not link.listen},
+                "connect/endpoints": list(link.connect),
+                "connect/timeout_ms": -1,  # in the background: open does not wait for it
+                "connect/exit_on_failure": False,
+                "scouting/multicast/enabled": link.scout,
+                "scouting/gossip/target": {"router": ["peer"], "peer": ["router", "peer"]},
+                "transport/link/protocols": ["unixsock-stream", *link.protocols],
+            }
+        )
 
 
 class Client(Session):
@@ -249,6 +278,7 @@ _COMMON: dict[str, Any] = {
     "transport/link/protocols": ["unixsock-stream"],
     "transport/link/tx/lease": LEASE_MS,
     "transport/link/rx/max_message_size": MAX_MESSAGE,
+    "listen/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
     "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
 }
 
@@ -259,6 +289,18 @@ def _unix(path: Path) -> str:
 
 def _nothing() -> None:
     """Nobody wants to know yet."""
+
+
+def _with_put(take: Callable[[str, bytes, str], None]) -> Callable[[zenoh.Sample], None]:
+    def taker(sample: zenoh.Sample) -> None:
+        if sample.kind == zenoh.SampleKind.PUT:
+            take(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding))
+
+    return taker
+
+
+def _presence(sample: zenoh.Sample) -> tuple[str, bool]:
+    return str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
 
 
 def _samples(subscriber: Any) -> Iterator[zenoh.Sample]:

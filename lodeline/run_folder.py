@@ -56,9 +56,10 @@ class Reader:
 
 @dataclass(frozen=True, slots=True)
 class Manifest:
-    """What runs in a run folder. `started` [s] is UNIX time; `nodes` gives each its process.
+    """What runs in a run folder. `started` [s] is UNIX time.
 
-    `readers` are the nodes of all hosts that read a key, by key.
+    `nodes` gives each node of the whole pipeline its process, `places` its host; only those on
+    `hosts` run here. `readers` are the nodes of all hosts that read a key, by key.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Manifest:
     keys: dict[str, Key]
     nodes: dict[str, str]
     readers: dict[str, tuple[Reader, ...]] = field(default_factory=dict)
+    places: dict[str, str] = field(default_factory=dict)
 
     @property
     def host(self) -> str:

@@ -33,16 +33,16 @@ def main(argv: list[str]) -> int:
         manifest = item.manifest
         answers = _ask(item.folder, f"{manifest.name}/@ps/*")
         for host, report in answers.items():
-            known = {"pipeline": manifest.name, "host": host, "digest": manifest.digest}
+            known = {"pipeline": manifest.name, "host": host}
             reports[f"{manifest.name}@{host}"] = known | report
         if manifest.host not in answers:
             silent = True
             who = f"{manifest.name}@{manifest.host}"
             print(f"{who}: its supervisor, pid {manifest.pid}, is silent", file=sys.stderr)
     if arguments.json:
-        print(json.dumps(list(reports.values()), indent=2))
+        print(json.dumps([reports[name] for name in sorted(reports)], indent=2))
     elif reports:
-        print("\n\n".join(_shown(report) for report in reports.values()))
+        print("\n\n".join(_shown(reports[name]) for name in sorted(reports)))
     return EXIT_FAILED if silent else 0
 
 
@@ -72,6 +72,7 @@ def _ask(folder: Path, key: str) -> dict[str, dict[str, Any]]:
 def _shown(report: dict[str, Any]) -> str:
     head = f"{report['pipeline']} on {report['host']}: supervisor {report['pid']}, "
     head += f"up {_duration(report['uptime'])}, pipeline {report['digest']}"
+    head += "".join(f"\n  {_link(link)}" for link in report["links"])
     rows = [HEADINGS, *(_row(process) for process in report["processes"])]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADINGS))]
     lines = [
@@ -82,6 +83,14 @@ def _shown(report: dict[str, Any]) -> str:
         for row in rows
     ]
     return "\n".join((head, *lines))
+
+
+def _link(link: dict[str, Any]) -> str:
+    """One line on another host of the pipeline."""
+    text = f"link to {link['host']}: {link['state']} {_duration(link['seconds'])}"
+    if link["machine"]:
+        text += f", machine {link['machine']}"
+    return "".join((text, *(f"; MISMATCH {fault}" for fault in link["faults"])))
 
 
 def _row(process: dict[str, Any]) -> tuple[str, ...]:

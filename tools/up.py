@@ -1,14 +1,18 @@
 """Start a pipeline, keep it alive, and stop it in order.
 
 Log lines of all nodes come on standard error. Ctrl-C stops in order, a second one kills. Without
---host this machine plays all hosts of the pipeline. Exit codes: 0 stopped, 1 failed to start,
-2 usage, 3 invalid pipeline, 5 a required node failed or none is left, 130 interrupted.
+--host this machine plays all hosts of the pipeline and opens no port; with it, the link that the
+file gives that host is opened, and the other hosts may come and go.
+
+Exit codes: 0 stopped, 1 failed to start, 2 usage, 3 invalid pipeline, 5 a required node failed
+or none is left, 130 interrupted.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import json
 import os
 import sys
 import time
@@ -36,19 +40,18 @@ def main(argv: list[str]) -> int:
         return EXIT_INVALID
     for warning in pipeline.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    hosts = _hosts(pipeline, arguments.host)
-    if not hosts:
+    if arguments.host not in (None, *pipeline.hosts):
         known = ", ".join(pipeline.hosts)
-        wanted = f"no node of {pipeline.name} runs on host {arguments.host!r}"
-        print(f"{wanted} (hosts: {known})", file=sys.stderr)
+        print(f"{pipeline.name} has no host {arguments.host!r} (hosts: {known})", file=sys.stderr)
         return EXIT_USAGE
 
     from lodeline.bus import BusError
+    from lodeline.hosts.links import LinkError
     from lodeline.run_folder import RunFolderError
 
     try:
-        return _up(pipeline, hosts, arguments.seconds, began)
-    except (RunFolderError, BusError) as error:
+        return _up(pipeline, arguments.host, arguments.seconds, began)
+    except (RunFolderError, BusError, LinkError) as error:
         print(error, file=sys.stderr)
         return EXIT_FAILED
 
@@ -82,20 +85,22 @@ def _seconds(text: str) -> float:
     return seconds
 
 
-def _hosts(pipeline: Pipeline, wanted: str | None) -> list[str]:
-    """Hosts to play here: those with nodes, all or the wanted one."""
-    return [host for host in pipeline.hosts if wanted in (None, host) and pipeline.processes(host)]
-
-
-def _up(pipeline: Pipeline, hosts: Sequence[str], seconds: float | None, began: float) -> int:
+def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: float) -> int:
+    """Run the share of a host, linked with the others, or all hosts by this machine alone."""
     from lodeline.bus import Hub
     from lodeline.clock import epoch_offset
+    from lodeline.hosts.links import Link, LinkError, check_listen, link_of, shown
+    from lodeline.hosts.neighbours import Neighbours
+    from lodeline.hosts.share import share_of
     from lodeline.run_folder import RunFolder, marker_of
     from lodeline.supervisor.logbook import LogBook
     from lodeline.supervisor.logs import Console
     from lodeline.supervisor.plan import plans_of
     from lodeline.supervisor.supervisor import Supervisor
 
+    hosts = [host] if host else [each for each in pipeline.hosts if pipeline.processes(each)]
+    link = link_of(pipeline, host) if host else Link()
+    check_listen(link.listen)
     with RunFolder(pipeline.name, hosts) as run:
         plans = plans_of(pipeline, hosts, run.path, epoch_offset())
         book = LogBook()
@@ -116,18 +121,30 @@ def _up(pipeline: Pipeline, hosts: Sequence[str], seconds: float | None, began: 
                 console.event(f"up in {elapsed:.1f} s: {size}")
                 console.event("look: `lodeline topic hz`, `lodeline ps`; stop: Ctrl-C")
 
-            hub = Hub(run.path)
+            hub = Hub(run.path, link)
+            others = tuple(each for each in pipeline.hosts if link.ends and each != host)
+            share = share_of(pipeline, hosts, manifest.host, shown(link.listen))
+            neighbours = Neighbours(hub, share, others, console.event)
             try:
+                if link.ends and (why := neighbours.rival()):
+                    raise LinkError(why)
+                neighbours.claim()
                 supervisor = Supervisor(
                     plans, run.path, console, [marker_of(run.path)], on_release=on_release
                 )
-                hub.serve(f"{pipeline.name}/@ps/{manifest.host}", supervisor.report)
+
+                def report() -> bytes:
+                    about = {"digest": pipeline.digest, "links": neighbours.describe()}
+                    return json.dumps(about | supervisor.report()).encode()
+
+                hub.serve(f"{pipeline.name}/@ps/{manifest.host}", report)
                 log_key = f"{pipeline.name}/@log/{manifest.host}"
                 hub.serve(log_key, book.kept)
                 book.publish(hub.publisher(log_key, "application/json"))
                 return asyncio.run(supervisor.run(seconds))
             finally:
                 book.close()
+                neighbours.close()
                 hub.close(timeout=1.0)
         finally:
             console.close()
@@ -154,7 +171,8 @@ def _manifest(pipeline: Pipeline, hosts: Sequence[str]) -> Manifest:
             key: Key(kind.__name__, senders[key].name if key in senders else None)
             for key, kind in pipeline.key_types().items()
         },
-        nodes={spec.name: spec.process for spec in pipeline.nodes if spec.host in hosts},
+        nodes={spec.name: spec.process for spec in pipeline.nodes},
+        places={spec.name: spec.host for spec in pipeline.nodes},
         readers=readers,
     )
 

@@ -31,18 +31,22 @@ def read_hosts(shape: Shape, item: Item | None, warnings: list[str]) -> dict[str
 def _host(shape: Shape, name: str, item: Item, alone: bool, warnings: list[str]) -> Host:
     shape.name(name, item.key, "host")
     what = f"host {name!r}"
-    ways = shape.mapping(item, what, ("listen", "connect"))
+    ways = shape.mapping(item, what, ("listen", "connect", "scout"))
     listen = _address(shape, ways.get("listen"), "listen")
     connect = _address(shape, ways.get("connect"), "connect")
-    if len(ways) > 1:
+    scout = shape.value(ways.get("scout"), bool, "scout", False)
+    if "listen" in ways and "connect" in ways:
         shape.fault(item.key, f"{what} can listen or connect, not both")
-    elif not alone and item.value in (None, {}):
+    elif not alone and not (ways.keys() & {"listen", "connect"} or scout):
         text = f"{what} has no address, write `listen: ...` or `connect: ...`"
         shape.fault(item.key, text)
     if listen and not listen.startswith("tls/") and not _LOOPBACK.fullmatch(listen):
         text = f"{what} listens on {listen} without tls: anyone on that network can read and send"
         warnings.append(str(ways["listen"].place.fault(text)))
-    return Host(name, listen, connect)
+    if scout:
+        text = f"{what} scouts: it links with whoever answers its multicast"
+        warnings.append(str(ways["scout"].place.fault(text)))
+    return Host(name, listen, connect, scout)
 
 
 def _address(shape: Shape, item: Item | None, what: str) -> str | None:

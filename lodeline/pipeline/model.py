@@ -24,11 +24,15 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Host:
-    """A machine: the address it listens on for the others, or the one it connects to."""
+    """A machine: the address it listens on for the others, or the one it connects to.
+
+    With `scout` it also looks for the others by multicast.
+    """
 
     name: str
     listen: str | None = None
     connect: str | None = None
+    scout: bool = False
 
 
 @dataclass(frozen=True, slots=True)

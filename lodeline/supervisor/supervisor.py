@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
 import random
 import signal
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from lodeline.supervisor.child import OVER, Child, Surroundings
 from lodeline.supervisor.environment import death_signal_prefix, environment
@@ -92,16 +92,14 @@ class Supervisor:
             Child(plan, self._folder / f"notify{i}", around) for i, plan in enumerate(self._plans)
         ]
 
-    def report(self) -> bytes:
-        """All processes as JSON, for `lodeline ps`; may be called from any thread."""
+    def report(self) -> dict[str, Any]:
+        """All processes as plain values, for `lodeline ps`; may be called from any thread."""
         now = time.monotonic()
-        return json.dumps(
-            {
-                "pid": os.getpid(),
-                "uptime": round(now - self._started, 3),
-                "processes": [child.describe(now) for child in self.children],
-            }
-        ).encode()
+        return {
+            "pid": os.getpid(),
+            "uptime": round(now - self._started, 3),
+            "processes": [child.describe(now) for child in self.children],
+        }
 
     def _listen_to_signals(self, loop: asyncio.AbstractEventLoop) -> None:
         loop.add_signal_handler(signal.SIGINT, self._interrupt)

@@ -59,7 +59,7 @@ def main() -> int:
             return running.result()
 
         code = asyncio.run(watched())
-        report = json.loads(supervisor.report())
+        report = supervisor.report()
         console.event("report " + json.dumps(report["processes"]))
         console.close()
     return code

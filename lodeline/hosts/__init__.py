@@ -1,0 +1,1 @@
+"""One pipeline on several machines: the link, who is at its other end, and whom one may trust."""

@@ -1,0 +1,158 @@
+"""The other hosts of a pipeline as this one sees them: who is there, and whether they fit."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from lodeline.hosts.share import Share, claimed, differences, taken
+
+LOOK_S = 0.7
+"""How long a start looks for another machine that runs the same share."""
+ASK_S = 1.0
+
+
+class Bus(Protocol):
+    """What is asked of the hub."""
+
+    def serve(self, key: str, answer: Callable[[], bytes]) -> None: ...
+
+    def claim(self, key: str) -> None: ...
+
+    def watch_claims(self, key: str, take: Callable[[str, bool], None]) -> None: ...
+
+    def ask(self, key: str, timeout: float = ...) -> list[tuple[str, bytes]]: ...
+
+
+@dataclass(slots=True)
+class Neighbour:
+    """Another claim: `since` [s, monotonic] it came, or went if it is not there."""
+
+    host: str
+    there: bool
+    since: float
+    share: Share | None = None
+    faults: list[str] = field(default_factory=list)
+
+
+class Neighbours:
+    """Follows the claims on a pipeline's name; `event(text)` tells what is worth a log line.
+
+    `others` are the hosts that the pipeline file names besides this one.
+    """
+
+    def __init__(
+        self, bus: Bus, share: Share, others: tuple[str, ...], event: Callable[[str], None]
+    ) -> None:
+        self._bus = bus
+        self._share = share
+        self._event = event
+        now = time.monotonic()
+        self._lock = threading.Lock()
+        self._known: dict[str, Neighbour] = {host: Neighbour(host, False, now) for host in others}
+        self._rivals: dict[str, Neighbour] = {}
+        self._claims: queue.SimpleQueue[tuple[str, str, bool] | None] = queue.SimpleQueue()
+        self._rival_came = threading.Event()
+        self._started = False
+        bus.watch_claims(f"{share.name}/@claim/**", self._on_claim)
+        self._thread = threading.Thread(target=self._follow, name="neighbours", daemon=True)
+        self._thread.start()
+
+    def rival(self, patience: float = LOOK_S) -> str | None:
+        """Why this share must not start, after looking around for `patience` seconds."""
+        self._rival_came.wait(patience)
+        with self._lock:
+            for rival in self._rivals.values():
+                if rival.there and rival.share is not None:
+                    return taken(rival.share)
+        return None
+
+    def claim(self) -> None:
+        """From now on this share is ours, for all to see."""
+        self._started = True
+        self._bus.serve(self._share.key, self._share.to_json)
+        self._bus.claim(self._share.claim)
+
+    def describe(self) -> list[dict[str, Any]]:
+        """Each other host as plain values, for `lodeline ps`; from any thread."""
+        now = time.monotonic()
+        with self._lock:
+            seen = [*self._known.values(), *(r for r in self._rivals.values() if r.there)]
+            return [_described(each, now) for each in sorted(seen, key=lambda item: item.host)]
+
+    def close(self) -> None:
+        """Follow no more."""
+        self._claims.put(None)
+        self._thread.join(ASK_S + 0.5)
+
+    def _on_claim(self, key: str, there: bool) -> None:
+        host, run = claimed(key)
+        if run != self._share.run:
+            self._claims.put((host, run, there))
+
+    def _follow(self) -> None:
+        while (item := self._claims.get()) is not None:
+            host, run, there = item
+            if host == self._share.host:
+                self._on_rival(host, run, there)
+            elif there:
+                self._come(host, run)
+            else:
+                self._go(host, run)
+
+    def _ask(self, host: str, run: str) -> Share | None:
+        for _key, data in self._bus.ask(f"{self._share.name}/@share/{host}/{run}", ASK_S):
+            try:
+                return Share.from_json(data)
+            except (ValueError, KeyError, TypeError):
+                self._event(f"MISMATCH {host} runs another version of Lodeline")
+        return None
+
+    def _on_rival(self, host: str, run: str, there: bool) -> None:
+        if not there:
+            with self._lock:
+                self._rivals.pop(run, None)
+            return
+        share = self._ask(host, run)
+        if share is None:
+            return
+        text = taken(share)
+        with self._lock:
+            self._rivals[run] = Neighbour(host, True, time.monotonic(), share, [text])
+        self._rival_came.set()
+        if self._started:
+            self._event(text)
+
+    def _come(self, host: str, run: str) -> None:
+        share = self._ask(host, run)
+        faults = [] if share is None else differences(self._share, share)
+        with self._lock:
+            self._known[host] = Neighbour(host, True, time.monotonic(), share, faults)
+        machine = f" on machine {share.machine}" if share else ""
+        self._event(f"LINKED {host}{machine}")
+        for fault in faults:
+            self._event(f"MISMATCH {fault}")
+
+    def _go(self, host: str, run: str) -> None:
+        with self._lock:
+            known = self._known.get(host)
+            if known is None or (known.share is not None and known.share.run != run):
+                return  # its successor is here already
+            self._known[host] = Neighbour(host, False, time.monotonic(), known.share)
+        self._event(f"LINK_LOST {host}: gone, or the network between is")
+
+
+def _described(neighbour: Neighbour, now: float) -> dict[str, Any]:
+    share = neighbour.share
+    return {
+        "host": neighbour.host,
+        "state": "linked" if neighbour.there else ("lost" if share else "waiting"),
+        "seconds": round(now - neighbour.since, 3),
+        "machine": share.machine if share else None,
+        "digest": share.digest if share else None,
+        "faults": list(neighbour.faults),
+    }

@@ -1,0 +1,80 @@
+"""Two machines in network namespaces, a robot and a laptop, and one small pipeline for both."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+from lodeline.bench.machines import Machine, Wire
+from tests.support.live import Up
+
+NODES = Path(__file__).parents[1] / "data" / "nodes"
+PIPELINE = """
+name: {name}
+hosts:
+  robot: {{listen: {address}}}
+  laptop: {{connect: {address}}}
+{more}
+external: {{cmd_vel: Twist}}
+nodes:
+  source: {{run: nodes/source.py, inputs: {{cmd_vel: cmd_vel}}, outputs: {{wheels: wheels}},
+           rate: {{wheels: 100}}}}
+  smoother: {{run: nodes/smoother.py, inputs: {{wheels: wheels}}, outputs: {{speed: speed}}}}
+  watcher: {{run: nodes/watcher.py, host: {watcher}, inputs: {{speed: speed}},
+            params: {{limit: 3}}}}
+"""
+
+
+class Host(Up):
+    """`lodeline up --host NAME` on a machine, with a run folder of its own."""
+
+    def __init__(self, machine: Machine, file: Path, name: str, *more: str) -> None:
+        super().__init__(file, "--host", name, *more)
+        self._command = machine.command(*self._command)
+        self.machine = machine
+        self.name = name
+
+    def reports(self) -> dict[str, dict[str, Any]]:
+        """What `lodeline ps --json` says here, by host."""
+        result = self.call("ps", "--json")
+        assert result.returncode == 0, result.stderr
+        return {report["host"]: report for report in json.loads(result.stdout)}
+
+    def links(self) -> dict[str, dict[str, Any]]:
+        """What this host itself says of the others."""
+        return {link["host"]: link for link in self.reports()[self.name]["links"]}
+
+    def linked(self, other: str) -> bool:
+        return bool(self.links()[other]["state"] == "linked")
+
+    def received(self, node: str, key: str) -> int:
+        """Samples that a node, wherever it runs, says it got; 0 if it says nothing."""
+        result = self.call("topic", "delay", "--json", key)
+        (row,) = json.loads(result.stdout)
+        return int(row["to"][node]["received"] or 0)
+
+
+class Net:
+    """A robot and a laptop, joined by a cable, and files for both."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.robot, self.laptop = Machine(), Machine()
+        self.wire = Wire(self.robot, self.laptop)
+        self.address = self.wire.addresses[0]
+
+    def file(
+        self, name: str = "rover", watcher: str = "laptop", more: str = "", at: str = "one"
+    ) -> Path:
+        """A pipeline file; `at` tells files of the two machines apart."""
+        place = self.folder / at
+        shutil.copytree(NODES, place / "nodes", dirs_exist_ok=True)
+        text = PIPELINE.format(name=name, address=self.address, watcher=watcher, more=more)
+        (place / "pipeline.yaml").write_text(text)
+        return place / "pipeline.yaml"
+
+    def close(self) -> None:
+        self.robot.close()
+        self.laptop.close()
