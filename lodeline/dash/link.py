@@ -87,7 +87,8 @@ class Run:
         answers = self._client.ask(f"{self.manifest.name}/@restart/*/{node}", ASK_S)
         if not answers:
             return f"no supervisor takes a restart of {node}"
-        return f"{node}: {answers[0][1].decode(errors='replace')[:200]}"
+        words = {data.decode(errors="replace")[:200] for _, data in answers}
+        return f"{node}: {', '.join(sorted(words))}"
 
     def close(self) -> None:
         self._client.close()

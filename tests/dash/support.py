@@ -1,0 +1,133 @@
+"""What tests of the page share: the gateway as a user starts it, the bus beside it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import urlsplit
+
+from websockets.asyncio.client import ClientConnection, connect
+
+from lodeline.bus import Client
+from lodeline_msgs import DecodeError, Message, class_of, unpack
+from tests.support.live import ROOT, Up, environment
+
+
+class Dash:
+    """`lodeline dash` beside a running pipeline."""
+
+    def __init__(self, up: Up, *arguments: str) -> None:
+        command = [sys.executable, "-P", "-m", "lodeline", "dash", *arguments]
+        self.process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env=environment(up.run),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        assert self.process.stdout is not None
+        self.url = self.process.stdout.readline().strip()
+        assert self.url.startswith("http://127.0.0.1:"), self.url
+        self.port = urlsplit(self.url).port or 0
+        self.token = self.url.partition("#token=")[2]
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+    def stop(self) -> None:
+        if self.process.poll() is None:
+            self.process.terminate()
+            self.process.wait(10.0)
+
+
+class Ear:
+    """All samples of some keys of a running pipeline, by key and number."""
+
+    def __init__(self, up: Up, *keys: str) -> None:
+        self._client = Client(up.folder)
+        self._lock = threading.Lock()
+        self._heard: dict[str, dict[int, Any]] = {key: {} for key in keys}
+        for key in keys:
+            self._client.subscribe(f"rover/{key}", 4096, self._take)
+
+    def _take(self, key: str, data: bytes, encoding: str) -> None:
+        try:
+            message = unpack(data, class_of(encoding))
+        except DecodeError:
+            return
+        with self._lock:
+            self._heard[key.removeprefix("rover/")][message.seq] = message
+
+    def all(self, key: str) -> dict[int, Any]:
+        """Samples by number."""
+        with self._lock:
+            return dict(self._heard[key])
+
+    def newest(self, key: str) -> Any:
+        """The last sample that came, None if none did."""
+        with self._lock:
+            return next(reversed(self._heard[key].values()), None)
+
+    def close(self) -> None:
+        self._client.close()
+
+
+class Reader:
+    """A page without a browser: reads frames, confirms them or not."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket = socket
+
+    async def say(self, **message: Any) -> None:
+        await self.socket.send(json.dumps(message))
+
+    async def hear(self, kind: str, seconds: float = 5.0) -> dict[str, Any]:
+        """The next message of a kind; frames are not confirmed."""
+        async with asyncio.timeout(seconds):
+            while True:
+                said: dict[str, Any] = json.loads(await self.socket.recv())
+                if said["t"] == kind:
+                    return said
+
+    async def frames(self, seconds: float, think: float = 0.0) -> list[dict[str, Any]]:
+        """Frames of so many seconds, each confirmed after `think` seconds."""
+        found: list[dict[str, Any]] = []
+        try:
+            async with asyncio.timeout(seconds):
+                while True:
+                    frame = await self.hear("frame")
+                    found.append(frame)
+                    await asyncio.sleep(think)
+                    await self.say(ack=frame["n"])
+        except TimeoutError:
+            return found
+
+
+def connecting(port: int, **more: Any) -> connect:
+    """A WebSocket to the gateway as its own page opens it."""
+    options = {"origin": f"http://127.0.0.1:{port}", "compression": None} | more
+    return connect(f"ws://127.0.0.1:{port}/ws", **options)
+
+
+def with_reader(port: int, talk: Callable[[Reader], Any], token: str = "") -> Any:
+    """Run `await talk(reader)` over a connection that has said hello."""
+
+    async def run() -> Any:
+        async with connecting(port) as socket:
+            reader = Reader(socket)
+            await reader.say(do="hello", token=token)
+            return await talk(reader)
+
+    return asyncio.run(run())
+
+
+def fields(message: Message, names: tuple[str, ...]) -> list[float]:
+    """Some numbers of a message."""
+    return [float(getattr(message, name)) for name in names]

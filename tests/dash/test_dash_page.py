@@ -1,0 +1,300 @@
+"""Claims about the page, in a real browser over a real pipeline."""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from collections.abc import Iterator
+
+import pytest
+
+from lodeline.rotation import from_euler
+from tests.dash.chromium import Chromium
+from tests.dash.support import Dash, Ear
+from tests.support.live import ROOT, Up, eventually
+
+MINUS = "\u2212"
+STATE = "document.documentElement.dataset.state"
+LIVE = f"{STATE} === 'live' && document.getElementById('x').textContent.length > 3"
+SHOWN = """(() => {
+  const text = (id) => document.getElementById(id).textContent;
+  const {seq} = document.getElementById('pose').dataset;
+  return [Number(seq), text('x'), text('y'), text('yaw'), text('bound')];
+})()"""
+
+
+def number(text: str) -> float:
+    """A number as the page writes it."""
+    return float(text.replace(MINUS, "-"))
+
+
+@pytest.fixture
+def page(chromium: Chromium, dash: Dash) -> Iterator[Chromium]:
+    """The page, opened with its token; it must cause no error and no warning."""
+    chromium.open(dash.url)
+    assert chromium.comes_true(LIVE)
+    yield chromium
+    chromium.run("1")
+    assert chromium.troubles == []
+
+
+def test_the_pose_shown_is_the_one_that_zenoh_carried(page: Chromium, up: Up) -> None:
+    ear = Ear(up, "pose")
+    assert eventually(lambda: len(ear.all("pose")) > 20)
+    compared = set()
+    for _ in range(200):
+        seq, x, y, yaw, bound = page.run(SHOWN)
+        sent = ear.all("pose").get(seq)
+        if sent is None:
+            continue
+        compared.add(seq)
+        assert number(x) == pytest.approx(sent.x, abs=0.51e-4)
+        assert number(y) == pytest.approx(sent.y, abs=0.51e-4)
+        assert number(yaw) == pytest.approx(math.degrees(sent.yaw), abs=0.051)
+        xx, xy, _, _, yy, *_ = sent.covariance
+        major = (xx + yy) / 2 + math.hypot((xx - yy) / 2, xy)
+        assert number(bound) == pytest.approx(1e3 * math.sqrt(5.991 * major), abs=0.051)
+    ear.close()
+    assert len(compared) >= 10
+
+
+def test_error_and_tilt_are_shown(page: Chromium) -> None:
+    assert page.comes_true("/^[\\d.]+$/.test(document.getElementById('error').textContent)")
+    for name in ("roll", "pitch"):
+        text = page.run(f"document.getElementById('{name}').textContent")
+        assert abs(number(text)) < 20.0
+
+
+def test_the_graph_shows_the_rates_and_ages_that_nodes_report(page: Chromium, dash: Dash) -> None:
+    labels = "[...document.querySelectorAll('#graph g > text')].map((t) => t.textContent)"
+    assert page.comes_true(f"{labels}.some((t) => /^imu\\/data_raw ?[12]\\d\\d Hz/.test(t))")
+    texts = page.run(labels)
+    keys = {text.split(" ")[0].rstrip("0123456789") for text in texts}
+    assert {"imu/data_raw", "wheels", "odom", "magnets", "pose", "truth", "cmd_vel"} <= keys
+    assert any("ms" in text for text in texts)
+    nodes = page.run("[...document.querySelectorAll('#graph .node')].map((n) => n.dataset.node)")
+    assert len(nodes) == 9
+    assert len(page.run("[...document.querySelectorAll('#nodes tbody tr')].map(() => 1)")) == 9
+
+
+def test_health_is_told_by_word_and_mark_not_by_colour_alone(page: Chromium) -> None:
+    words = "[...document.querySelectorAll('#graph .word')].map((t) => t.textContent)"
+    assert page.comes_true(f"{words}.every((t) => /^[●▲✕] [a-z]/.test(t))")
+
+
+def test_map_and_plots_are_drawn(page: Chromium) -> None:
+    ink = """(id) => {
+      const canvas = document.querySelector(id);
+      const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+      const seen = new Set();
+      for (let i = 0; i < data.length; i += 4) if (data[i + 3]) {
+        seen.add((data[i] << 16) | (data[i + 1] << 8) | data[i + 2]);
+      }
+      return seen.size;
+    }"""
+    for place in ("#map", "#closeup", "#horizon", "#compass", "#plots canvas"):
+        assert page.comes_true(f"({ink})('{place}') > 5"), place
+    assert page.run("document.querySelectorAll('#plots canvas').length") == 8
+
+
+def test_pause_stands_still_and_scrubbing_goes_back(page: Chromium, up: Up) -> None:
+    ear = Ear(up, "pose")
+    assert eventually(lambda: len(ear.all("pose")) > 250)
+    page.run("document.getElementById('pause').click()")
+    assert page.comes_true("document.getElementById('when').textContent !== 'now'")
+    still = page.run(f"new Promise((done) => setTimeout(() => done({SHOWN}), 150))")
+    heard = len(ear.all("pose"))
+    assert eventually(lambda: len(ear.all("pose")) > heard + 50)
+    assert page.run(SHOWN) == still
+    page.run("""(() => {
+      const scrub = document.getElementById('scrub');
+      scrub.value = Number(scrub.value) - 2;
+      scrub.dispatchEvent(new Event('input'));
+    })()""")
+    assert page.comes_true(f"{SHOWN}[0] < {still[0]}")
+    seq, x, *_ = page.run(SHOWN)
+    all_poses = ear.all("pose")
+    ear.close()
+    assert seq in all_poses
+    assert number(x) == pytest.approx(all_poses[seq].x, abs=0.51e-4)
+    back = (all_poses[still[0]].stamp - all_poses[seq].stamp) * 1e-9
+    assert back == pytest.approx(2.0, abs=0.6)
+    page.run("document.getElementById('pause').click()")
+    assert page.comes_true(f"{SHOWN}[0] > {still[0]}")
+
+
+def test_arrow_keys_drive_and_letting_go_stops(page: Chromium, up: Up) -> None:
+    ear = Ear(up, "truth")
+    page.key("ArrowUp", down=True)
+    assert eventually(lambda: ear.newest("truth") and ear.newest("truth").v > 0.17)
+    page.key("ArrowUp", down=False)
+    assert eventually(lambda: abs(ear.newest("truth").v) < 0.01, 3.0)
+    page.key("ArrowLeft", down=True)
+    assert eventually(lambda: ear.newest("truth").w > 1.2, 3.0)
+    assert abs(ear.newest("truth").v) < 0.02
+    page.run("window.dispatchEvent(new Event('blur'))")
+    assert eventually(lambda: abs(ear.newest("truth").w) < 0.05, 3.0)
+    page.key("ArrowLeft", down=False)
+    page.run("document.getElementById('drive-toggle').click()")
+    assert eventually(lambda: ear.newest("truth").v > 0.08, 5.0), "back on its course"
+    ear.close()
+
+
+def test_a_page_without_the_token_shows_no_wheel_and_no_restart(
+    chromium: Chromium, dash: Dash
+) -> None:
+    chromium.open("about:blank")
+    chromium.open(dash.url)
+    chromium.run("sessionStorage.clear()")
+    chromium.open(dash.url.partition("#")[0])
+    assert chromium.comes_true(LIVE)
+    assert chromium.run("document.getElementById('access').textContent") == "read-only"
+    assert chromium.run("document.getElementById('drive').hidden")
+    chromium.run("document.querySelector('.node').dispatchEvent(new Event('click'))")
+    assert chromium.run("document.getElementById('detail').open")
+    assert chromium.run("document.getElementById('restart').hidden")
+    assert chromium.troubles == []
+
+
+def test_the_token_leaves_the_address_and_survives_a_reload(page: Chromium, dash: Dash) -> None:
+    assert page.run("location.href") == f"http://127.0.0.1:{dash.port}/"
+    page.call("Page.reload")
+    assert page.comes_true(f"{LIVE} && !document.getElementById('drive').hidden")
+
+
+def test_a_node_opens_by_keyboard_and_tells_what_it_is(page: Chromium, up: Up) -> None:
+    pid = up.ps()["ekf"]["pid"]
+    page.run("document.querySelector('#graph [data-node=ekf]').focus()")
+    page.call("Input.dispatchKeyEvent", type="keyDown", key="Enter", code="Enter", text="\r")
+    page.call("Input.dispatchKeyEvent", type="keyUp", key="Enter", code="Enter")
+    body = "document.getElementById('detail-body').textContent"
+    assert page.comes_true(f"{body}.includes('pid {pid}')")
+    assert page.comes_true(f"/odom.*ms.*magnets.*ms/s.test({body})")
+    assert not page.run("document.getElementById('restart').hidden")
+    page.run("document.getElementById('restart').click()")
+    assert page.run("document.getElementById('restart').textContent") == "Really restart ekf?"
+
+
+def test_the_log_shows_what_the_supervisor_said(page: Chromium) -> None:
+    assert page.comes_true("document.getElementById('log').textContent.includes('9 nodes in 9')")
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1920, 1080), (800, 1000), (390, 844)])
+def test_nothing_scrolls_sideways(chromium: Chromium, dash: Dash, size: tuple[int, int]) -> None:
+    chromium.open(dash.url, *size)
+    assert chromium.comes_true(LIVE)
+    root = "document.documentElement"
+    assert chromium.run(f"{root}.scrollWidth <= innerWidth")
+    if size[0] >= 1100:
+        assert chromium.run(f"{root}.scrollHeight <= innerHeight")
+    assert chromium.troubles == []
+
+
+def test_every_control_has_a_name(page: Chromium) -> None:
+    nodes = page.call("Accessibility.getFullAXTree")["nodes"]
+    controls = [
+        node
+        for node in nodes
+        if node.get("role", {}).get("value") in ("button", "slider", "tab", "image", "application")
+        and not node["ignored"]
+    ]
+    assert len(controls) > 15
+    for node in controls:
+        assert node["name"]["value"], node
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_has_contrast_in_both_schemes(chromium: Chromium, dash: Dash, scheme: str) -> None:
+    chromium.open(dash.url, scheme=scheme)
+    assert chromium.comes_true(LIVE)
+    assert chromium.run("document.documentElement.dataset.theme") == scheme
+    names = ["ink", "ink-2", "ink-3", "ekf", "odom", "truth", "hit", "good", "warn", "bad"]
+    read = "getComputedStyle(document.documentElement).getPropertyValue('--{}').trim()"
+    panel = luminance(chromium.run(read.format("panel")))
+    for name in names:
+        own = luminance(chromium.run(read.format(name)))
+        ratio = (max(own, panel) + 0.05) / (min(own, panel) + 0.05)
+        assert ratio >= 4.5, (name, ratio)
+
+
+def luminance(colour: str) -> float:
+    """Relative luminance of #rrggbb, as WCAG 2 defines it."""
+    parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_tilt_on_the_page_is_that_of_the_library(page: Chromium) -> None:
+    picks = random.Random(4)
+    angles = [
+        (picks.uniform(-3, 3), picks.uniform(-1.5, 1.5), picks.uniform(-3, 3)) for _ in range(50)
+    ]
+    quaternions = [from_euler(*each) for each in angles]
+    shown = page.run(
+        f"import('/store.js').then((m) => {json.dumps(quaternions)}.map((q) => m.euler(q)))"
+    )
+    for (roll, pitch, yaw), made in zip(angles, shown, strict=True):
+        assert made["roll"] == pytest.approx(roll, abs=1e-9)
+        assert made["pitch"] == pytest.approx(pitch, abs=1e-9)
+        assert made["yaw"] == pytest.approx(yaw, abs=1e-9)
+
+
+def test_a_graph_with_a_cycle_and_lonely_nodes_is_laid_out_once_each(page: Chromium) -> None:
+    edges = [("a", "b"), ("b", "c"), ("c", "b"), ("a", "c")]
+    script = json.dumps([{"from": tail, "to": head} for tail, head in edges])
+    layers = page.run(
+        f"import('/graph.js').then((m) => m.layered(['a', 'b', 'c', 'lonely'], {script}))"
+    )
+    places = [(item["name"], depth) for depth, layer in enumerate(layers) for item in layer]
+    assert sorted(name for name, _ in places) == ["a", "b", "c", "lonely"]
+    assert all(len({item["row"] for item in layer}) == len(layer) for layer in layers)
+
+
+def test_a_breach_of_the_policy_would_be_noticed(chromium: Chromium, dash: Dash) -> None:
+    chromium.open(dash.url)
+    assert chromium.comes_true(LIVE)
+    assert chromium.troubles == []
+    chromium.run("{ document.body.append(Object.assign(new Image(), {src: '//evil.example/x'})) }")
+    assert chromium.comes_true("1") and eventually(
+        lambda: chromium.run("1") == 1 and bool(chromium.troubles), 5.0
+    )
+    assert "Content Security Policy" in chromium.troubles[0]
+    blocked = "(() => { try { document.body.innerHTML = 'x'; } catch { return true; } })()"
+    assert chromium.run(blocked) is True
+
+
+def test_a_gateway_that_dies_shows_and_its_successor_is_found(chromium: Chromium, up: Up) -> None:
+    first = Dash(up)
+    chromium.open(first.url)
+    assert chromium.comes_true(LIVE)
+    first.kill()
+    assert chromium.comes_true(f"{STATE} === 'disconnected'", 3.0)
+    assert "DISCONNECTED" in chromium.run("document.getElementById('alarm').textContent")
+    assert chromium.run("document.getElementById('drive').hidden")
+    second = Dash(up, "--port", str(first.port))
+    assert chromium.comes_true(LIVE, 5.0)
+    assert chromium.run("document.getElementById('alarm').hidden")
+    assert chromium.run("document.getElementById('access').textContent") == "read-only"
+    chromium.open("about:blank")
+    second.stop()
+
+
+def test_a_pipeline_that_stops_shows_and_its_next_run_is_found(chromium: Chromium) -> None:
+    with Up(ROOT / "pipeline.yaml") as first:
+        dash = Dash(first)
+        chromium.open(dash.url)
+        assert chromium.comes_true(LIVE)
+        first.stop()
+        assert chromium.comes_true(f"{STATE} === 'gone'", 5.0)
+        alarm = chromium.run("document.getElementById('alarm').textContent")
+        assert "DISCONNECTED" in alarm
+        assert "lodeline up" in alarm
+        with Up(ROOT / "pipeline.yaml", base=first.run):
+            assert chromium.comes_true(LIVE, 5.0)
+            assert chromium.comes_true("!document.getElementById('drive').hidden")
+            shown = chromium.run(SHOWN)
+            assert chromium.comes_true(f"{SHOWN}[0] !== {shown[0]}")
+        assert chromium.troubles == []
+        chromium.open("about:blank")
+        dash.stop()
