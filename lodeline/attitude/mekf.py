@@ -8,7 +8,7 @@ whatever the attitude, so every measurement touches one error angle:
     up_x = -d_y, up_y = d_x           (specific force over g, levelled)
     off = d_z + d_y tan(dip)          (heading by compass less heading)
 
-The compass corrects heading and bias but never the tilt, so that a magnet cannot topple the robot.
+The compass corrects heading and bias but not the tilt, so that a magnet cannot topple the robot.
 Pushes of the body and errors of the compass last for a while: a measurement that says the same for
 `time` seconds counts once in that time, not once per sample.
 """

@@ -114,6 +114,36 @@ def test_a_magnet_turns_the_heading_at_most_and_never_the_tilt() -> None:
     assert abs(degrees(yaw)) < 2.0
 
 
+def test_a_compass_that_errs_turns_the_heading_and_hardly_the_tilt() -> None:
+    """North turned by 15 degrees with the right strength and dip is believed."""
+    estimator = Mekf()
+    for _ in range(250):
+        estimator.update(DT, STILL, LEVEL, EARTH)
+    aside = rotate(from_euler(0.0, 0.0, radians(15.0)), EARTH)
+    for _ in range(3):  # as many as one correction takes
+        estimator.update(DT, STILL, LEVEL, aside)
+    roll, pitch, yaw = to_euler(estimator.orientation)
+    assert abs(degrees(yaw)) > 0.03
+    assert abs(degrees(roll)) < 1e-4
+    assert abs(degrees(pitch)) < 1e-4
+    tilt = 0.0
+    for _ in range(500):  # only through the gyro bias, which the accelerometer keeps in check
+        estimator.update(DT, STILL, LEVEL, aside)
+        roll, pitch, yaw = to_euler(estimator.orientation)
+        tilt = max(tilt, abs(roll), abs(pitch))
+    assert abs(degrees(yaw)) > 10.0
+    assert degrees(tilt) < 0.6
+
+
+def test_samples_from_before_a_hole_are_not_mixed_with_those_after() -> None:
+    estimator = Mekf()
+    for _ in range(501):  # leaves samples gathered, waiting for the next correction
+        estimator.update(DT, STILL, LEVEL, EARTH)
+    turned = from_euler(0.0, 0.0, 1.3)
+    estimator.update(1.3, STILL, LEVEL, rotate(conjugate(turned), EARTH))
+    assert degrees(attitude_error(estimator.orientation, turned).total) < 8.0
+
+
 def test_gyro_bias_is_found_within_its_own_standard_deviation() -> None:
     rng, bias = Random(4), (radians(0.5), radians(-0.4), radians(0.3))
     estimator = Mekf()

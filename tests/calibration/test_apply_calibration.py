@@ -44,6 +44,16 @@ def test_hard_iron_goes_before_soft_iron() -> None:
     )
 
 
+def test_soft_iron_is_in_chip_axes_also_when_the_chip_is_turned() -> None:
+    turned = ImuCalibration(mag_matrix=(2, 0, 0, 0, 1, 0, 0, 0, 1), mounting=(0.0, 0.0, pi / 2))
+    assert Calibrator(turned).magnetic_field((1e-6, 0.0, 0.0)) == pytest.approx((0.0, 2e-6, 0.0))
+
+
+def test_accelerometer_scale_is_in_chip_axes_also_when_the_chip_is_turned() -> None:
+    turned = ImuCalibration(accel_scale=(2.0, 1.0, 1.0), mounting=(0.0, 0.0, pi / 2))
+    assert Calibrator(turned).linear_acceleration((1.0, 0.0, 0.0)) == pytest.approx((0, 2.0, 0))
+
+
 def test_a_chip_mounted_upside_down_still_feels_gravity_upwards() -> None:
     calibrator = Calibrator(ImuCalibration(mounting=(pi, 0.0, 0.0)))
     assert calibrator.linear_acceleration((0.0, 0.0, -9.81)) == pytest.approx((0.0, 0.0, 9.81))

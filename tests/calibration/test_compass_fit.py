@@ -119,6 +119,27 @@ def test_a_magnet_that_moved_meanwhile_is_refused() -> None:
         fit_ellipse(half[:200] + moved[200:])
 
 
+def test_noise_is_not_taken_for_misfit() -> None:
+    fit = fit_ellipse(flat_turn(1, noise=1.5 * MICRO, n=72))
+    assert fit.noise == pytest.approx(1.5 / 23.0, rel=0.3)
+    assert fit.misfit < 0.02
+
+
+def test_many_stray_readings_are_refused() -> None:
+    with pytest.raises(CalibrationRefusedError, match="fit no ellipse: something magnetic moved"):
+        fit_ellipse(flat_turn(1, spikes=70))
+
+
+def test_a_turn_that_is_no_ellipse_is_refused() -> None:
+    """Tilted thrice on the way round: the radius swells and shrinks by an eighth."""
+    bent = []
+    for i in range(360):
+        r, angle = HORIZONTAL * (1.0 + 0.125 * sin(3 * radians(i))), radians(i)
+        bent.append(seen((r * cos(angle), r * sin(angle), -DOWN), Random(i), 0.1 * MICRO))
+    with pytest.raises(CalibrationRefusedError, match="the fit is bad"):
+        fit_ellipse(bent)
+
+
 @pytest.mark.parametrize(
     ("readings", "reason"),
     [
