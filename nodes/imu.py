@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from lodeline.devices import STATES, CompassParams, ImuBoard, MpuParams, Pace, check_fifo
+from lodeline.devices import STATES, CompassParams, ImuBoard, MpuParams, Pace, check_rate
 from lodeline.i2c import open_bus
 from lodeline.node import Driver, Output
 from lodeline.stamps import seconds
@@ -22,7 +22,7 @@ class ImuParams:
     magnetometer: CompassParams = field(default_factory=CompassParams)
 
     def __post_init__(self) -> None:
-        check_fifo(self.imu, self.rate)
+        check_rate(self.imu, self.rate)
 
 
 class ImuDriver(Driver[ImuParams]):

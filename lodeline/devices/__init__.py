@@ -5,7 +5,7 @@ from lodeline.devices.as5048b import Encoders, EncodersParams, EncodersState
 from lodeline.devices.board import ImuBoard
 from lodeline.devices.link import STATES, DeviceError, Health
 from lodeline.devices.mpu import ImuReading, Mpu, MpuParams
-from lodeline.devices.mpu_fifo import MpuFifo, check_fifo
+from lodeline.devices.mpu_fifo import MpuFifo, check_rate
 from lodeline.devices.pace import Pace
 from lodeline.devices.reed_bar import ReedBar, ReedBarParams
 
@@ -27,5 +27,5 @@ __all__ = [
     "Pace",
     "ReedBar",
     "ReedBarParams",
-    "check_fifo",
+    "check_rate",
 ]

@@ -15,6 +15,7 @@ STUCK_AFTER = 25  # identical readings in a row
 TOLERATED = 2  # identical readings that may be chance
 CLIP_TIME = 0.2  # s without a clipped reading until all is well again
 LSB = 1.0 / 32768.0  # parts of the full scale
+NOISY = 2.0  # LSB of noise from which on a sensor alone does not repeat itself by chance
 GYRO_NOISE = 0.01  # deg/s per sqrt(Hz), typical of these chips
 ACCEL_NOISE = 300e-6  # g per sqrt(Hz)
 _TRIPLE = struct.Struct(">3h")
@@ -49,8 +50,8 @@ class Guard:
         self._ranges = {"gyro": f"{gyro_range} deg/s", "accelerometer": f"{accel_range} g"}
         spread = sqrt(1.57 * bandwidth)  # a first-order filter lets that much through
         self._noisy = {
-            "gyro": GYRO_NOISE * spread > gyro_range * LSB,
-            "accelerometer": ACCEL_NOISE * spread > accel_range * LSB,
+            "gyro": GYRO_NOISE * spread > NOISY * gyro_range * LSB,
+            "accelerometer": ACCEL_NOISE * spread > NOISY * accel_range * LSB,
         }
         self._repeats = {"sample": Repeats(), "gyro": Repeats(), "accelerometer": Repeats()}
         self._clipped_s = float("-inf")
@@ -71,12 +72,12 @@ class Guard:
         return moving and stop is None
 
     def _moves(self, now_s: float, data: bytes, parts: dict[str, bytes]) -> bool:
-        again = self._repeats["sample"].take(now_s, data) > 0  # one of every 10^5 is by chance
-        worst, count = "sample", self._repeats["sample"].count
+        worst, count = "sample", self._repeats["sample"].take(now_s, data)
         for name, raw in parts.items():
             repeats = self._repeats[name].take(now_s, raw) if self._noisy[name] else 0
-            if repeats > max(count, TOLERATED - 1):
-                worst, count, again = name, repeats, True
+            if repeats > count:
+                worst, count = name, repeats
+        again = count >= TOLERATED
         if again:
             self.stuck += 1
         if count >= STUCK_AFTER - 1 and self._health.state != "fault":

@@ -26,14 +26,14 @@ FULLEST = 0.5  # part of the FIFO that one look may find, so that a late look lo
 NOT_READ = (errno.EREMOTEIO, errno.ENXIO)  # not acknowledged: then nothing was read either
 
 
-def check_fifo(params: MpuParams, rate: float) -> None:
-    """Raise ValueError if `rate` looks a second [Hz] are too few for the chip's FIFO."""
-    most = FULLEST * 512 / FRAME
-    if params.fifo and params.sample_rate > most * rate:
-        needed = params.sample_rate / most
-        raise ValueError(
-            f"a FIFO at {params.sample_rate:g} Hz needs a rate of {needed:.0f} Hz or more"
-        )
+def check_rate(params: MpuParams, rate: float) -> None:
+    """Raise ValueError if the chip cannot well be looked at `rate` times a second [Hz]."""
+    sampled = params.sample_rate
+    if rate > sampled:
+        raise ValueError(f"rate must not be above the sample_rate of {sampled:g} Hz, got {rate:g}")
+    needed = sampled * FRAME / (FULLEST * 512)
+    if params.fifo and rate < needed:
+        raise ValueError(f"a FIFO at {sampled:g} Hz needs a rate of {needed:.0f} Hz or more")
 
 
 class MpuFifo(Mpu):

@@ -8,7 +8,7 @@ from math import atan2, cos, pi, sin
 
 import pytest
 
-from lodeline.devices import ImuBoard, MpuFifo, MpuParams, check_fifo
+from lodeline.devices import ImuBoard, MpuFifo, MpuParams, check_rate
 from lodeline.devices.sample_clock import SampleClock
 from tests.devices.rig import MakeRig, Rig
 
@@ -160,9 +160,11 @@ def test_samples_come_out_at_the_rate_of_the_chip_and_cost_three_transactions_a_
     assert stage.bench.transactions - before <= 3 * 100 + 3 * 21
 
 
-def test_a_rate_that_would_overflow_the_fifo_is_refused() -> None:
+def test_a_rate_that_overflows_the_fifo_or_reads_samples_twice_is_refused() -> None:
     params = MpuParams(sample_rate=1000.0, fifo=True)
     with pytest.raises(ValueError, match="needs a rate of 55 Hz or more"):
-        check_fifo(params, 50.0)
-    check_fifo(params, 55.0)
-    check_fifo(MpuParams(sample_rate=1000.0), 1.0)
+        check_rate(params, 50.0)
+    check_rate(params, 55.0)
+    check_rate(MpuParams(sample_rate=1000.0), 1.0)
+    with pytest.raises(ValueError, match="must not be above the sample_rate of 100 Hz, got 200"):
+        check_rate(MpuParams(sample_rate=100.0), 200.0)

@@ -9,7 +9,7 @@ import pytest
 from lodeline.devices import Pace
 from lodeline.i2c import open_model
 from lodeline.loading import load_node
-from lodeline.node import Context
+from lodeline.node import Context, Driver
 from lodeline.sim.params import RobotParams
 from lodeline.sim.robot import SimulatedRobot
 
@@ -32,6 +32,7 @@ def test_every_driver_publishes_how_many_of_its_ticks_were_late(
     kind = load_node(NODES / f"{name}.py")
     monkeypatch.setitem(kind.setup.__globals__, "open_bus", lambda *_: open_model(robot.bus))
     node = kind(kind.params_type()(), Context(monotonic=lambda: now))
+    assert isinstance(node, Driver)
     period = 1.0 / node.params.rate
     for i in range(500):
         now = i * period + (0.2 * period if i in (100, 200) else 0.0)
