@@ -125,7 +125,7 @@ def to_matrix(q: Quaternion) -> Matrix:
 
 
 def from_matrix(r: Matrix) -> Quaternion:
-    """Unit quaternion (w >= 0) of a rotation matrix, by its largest component (never divides by ~0)."""
+    """Unit quaternion (w >= 0) of a rotation matrix, found by its largest component."""
     (a, b, c), (d, e, f), (g, h, i) = r
     squares = (1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i)
     largest = max(range(4), key=squares.__getitem__)
