@@ -229,6 +229,8 @@ class Hub(Session):
                 "connect/timeout_ms": -1,  # in the background: open does not wait for it
                 "connect/exit_on_failure": False,
                 "scouting/multicast/enabled": link.scout,
+                # Who listens answers, and dials nobody.
+                "scouting/multicast/autoconnect": {"router": [] if link.listen else ["router"]},
                 "scouting/gossip/target": {"router": ["peer"], "peer": ["router", "peer"]},
                 "transport/link/protocols": ["unixsock-stream", *link.protocols],
             }

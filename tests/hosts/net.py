@@ -13,9 +13,7 @@ from tests.support.live import Up
 NODES = Path(__file__).parents[1] / "data" / "nodes"
 PIPELINE = """
 name: {name}
-hosts:
-  robot: {{listen: {address}}}
-  laptop: {{connect: {address}}}
+hosts: {hosts}
 {more}
 external: {{cmd_vel: Twist}}
 nodes:
@@ -66,12 +64,20 @@ class Net:
         self.address = self.wire.addresses[0]
 
     def file(
-        self, name: str = "rover", watcher: str = "laptop", more: str = "", at: str = "one"
+        self,
+        name: str = "rover",
+        watcher: str = "laptop",
+        more: str = "",
+        at: str = "one",
+        hosts: str = "",
     ) -> Path:
         """A pipeline file; `at` tells files of the two machines apart."""
         place = self.folder / at
         shutil.copytree(NODES, place / "nodes", dirs_exist_ok=True)
-        text = PIPELINE.format(name=name, address=self.address, watcher=watcher, more=more)
+        hosts = (
+            hosts or f"{{robot: {{listen: {self.address}}}, laptop: {{connect: {self.address}}}}}"
+        )
+        text = PIPELINE.format(name=name, hosts=hosts, watcher=watcher, more=more)
         (place / "pipeline.yaml").write_text(text)
         return place / "pipeline.yaml"
 
