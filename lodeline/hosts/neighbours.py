@@ -14,6 +14,7 @@ from lodeline.hosts.share import Share, claimed, differences, taken
 LOOK_S = 0.7
 """How long a start looks for another machine that runs the same share."""
 ASK_S = 1.0
+ASK_AGAIN_S = 0.05
 
 
 class Bus(Protocol):
@@ -57,6 +58,7 @@ class Neighbours:
         self._rivals: dict[str, Neighbour] = {}
         self._claims: queue.SimpleQueue[tuple[str, str, bool] | None] = queue.SimpleQueue()
         self._rival_came = threading.Event()
+        self._rival_known = threading.Event()
         self._started = False
         bus.watch_claims(f"{share.name}/@claim/**", self._on_claim)
         self._thread = threading.Thread(target=self._follow, name="neighbours", daemon=True)
@@ -64,12 +66,11 @@ class Neighbours:
 
     def rival(self, patience: float = LOOK_S) -> str | None:
         """Why this share must not start, after looking around for `patience` seconds."""
-        self._rival_came.wait(patience)
+        if not self._rival_came.wait(patience):
+            return None
+        self._rival_known.wait(2 * ASK_S)
         with self._lock:
-            for rival in self._rivals.values():
-                if rival.there and rival.share is not None:
-                    return taken(rival.share)
-        return None
+            return next((rival.faults[0] for rival in self._rivals.values()), None)
 
     def claim(self) -> None:
         """From now on this share is ours, for all to see."""
@@ -81,7 +82,7 @@ class Neighbours:
         """Each other host as plain values, for `lodeline ps`; from any thread."""
         now = time.monotonic()
         with self._lock:
-            seen = [*self._known.values(), *(r for r in self._rivals.values() if r.there)]
+            seen = [*self._known.values(), *self._rivals.values()]
             return [_described(each, now) for each in sorted(seen, key=lambda item: item.host)]
 
     def close(self) -> None:
@@ -91,8 +92,11 @@ class Neighbours:
 
     def _on_claim(self, key: str, there: bool) -> None:
         host, run = claimed(key)
-        if run != self._share.run:
-            self._claims.put((host, run, there))
+        if run == self._share.run:
+            return
+        if there and host == self._share.host:
+            self._rival_came.set()
+        self._claims.put((host, run, there))
 
     def _follow(self) -> None:
         while (item := self._claims.get()) is not None:
@@ -105,11 +109,15 @@ class Neighbours:
                 self._go(host, run)
 
     def _ask(self, host: str, run: str) -> Share | None:
-        for _key, data in self._bus.ask(f"{self._share.name}/@share/{host}/{run}", ASK_S):
-            try:
-                return Share.from_json(data)
-            except (ValueError, KeyError, TypeError):
-                self._event(f"MISMATCH {host} runs another version of Lodeline")
+        """Their share; the way to it may be known a moment later than the claim."""
+        end = time.monotonic() + ASK_S
+        while time.monotonic() < end:
+            for _key, data in self._bus.ask(f"{self._share.name}/@share/{host}/{run}", ASK_S):
+                try:
+                    return Share.from_json(data)
+                except (ValueError, KeyError, TypeError):
+                    return None
+            time.sleep(ASK_AGAIN_S)
         return None
 
     def _on_rival(self, host: str, run: str, there: bool) -> None:
@@ -118,18 +126,18 @@ class Neighbours:
                 self._rivals.pop(run, None)
             return
         share = self._ask(host, run)
-        if share is None:
-            return
-        text = taken(share)
+        text = taken(self._share, share)
         with self._lock:
             self._rivals[run] = Neighbour(host, True, time.monotonic(), share, [text])
-        self._rival_came.set()
+        self._rival_known.set()
         if self._started:
             self._event(text)
 
     def _come(self, host: str, run: str) -> None:
         share = self._ask(host, run)
-        faults = [] if share is None else differences(self._share, share)
+        faults = [f"{host} runs another version of Lodeline"]
+        if share is not None:
+            faults = differences(self._share, share)
         with self._lock:
             self._known[host] = Neighbour(host, True, time.monotonic(), share, faults)
         machine = f" on machine {share.machine}" if share else ""

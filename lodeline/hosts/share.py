@@ -117,12 +117,13 @@ def differences(ours: Share, theirs: Share) -> list[str]:
     return found
 
 
-def taken(theirs: Share) -> str:
-    """Why a second start of the same share is refused."""
-    since = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(theirs.started))
-    at = f", listens on {theirs.listen}" if theirs.listen else ""
-    return (
-        f"NAME_TAKEN {theirs.name}: host {theirs.host!r} of it is up on machine "
-        f"{theirs.machine} (pid {theirs.pid} since {since}{at}); "
-        "stop it, or give this pipeline another name"
-    )
+def taken(ours: Share, theirs: Share | None) -> str:
+    """Why a second start of a share is refused; `theirs` is None if its holder did not say."""
+    text = f"NAME_TAKEN {ours.name}: host {ours.host!r} of it is up on "
+    if theirs is None:
+        text += "another machine"
+    else:
+        since = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(theirs.started))
+        at = f", listens on {theirs.listen}" if theirs.listen else ""
+        text += f"machine {theirs.machine} (pid {theirs.pid} since {since}{at})"
+    return f"{text}; stop it, or give this pipeline another name"
