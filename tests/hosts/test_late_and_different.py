@@ -1,0 +1,100 @@
+"""Claims about who joins late, and about machines whose files or programs differ."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+
+from lodeline.bus import Client
+from lodeline.hosts.share import Share, differences
+from lodeline.watch import Watch
+from lodeline_msgs import NodeStatus, unpack
+from tests.hosts.net import Host, Net
+from tests.support.live import eventually
+
+
+def test_a_late_joiner_has_status_parameters_and_hash_at_once(net: Net) -> None:
+    file = net.file()
+    with Host(net.robot, file, "robot") as robot:
+        assert eventually(lambda: robot.received("smoother", "wheels") > 50, 10.0, 0.2)
+        with Host(net.laptop, file, "laptop") as laptop:
+            assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
+            began = time.monotonic()
+            with Watch(laptop.running) as watch:
+                statuses = watch.statuses(1.0)
+                took = time.monotonic() - began
+            assert set(statuses) == {"source", "smoother", "watcher"}
+            assert took < 1.0
+            assert statuses["source"].host == "robot"
+            assert {status.pipeline for status in statuses.values()} == {
+                laptop.reports()["robot"]["digest"]
+            }
+            client = Client(laptop.folder)
+            (answer,) = client.ask("rover/@share/robot/*")
+            client.close()
+            share = json.loads(answer[1])
+            assert share["params"]["smoother"]["window"] == 0.1
+            assert share["classes"]["rover/wheels"] == "WheelTicks"
+
+
+def test_a_last_word_of_a_node_that_says_no_more_still_comes(net: Net) -> None:
+    """The kept status crosses the link: it does not wait for the next one."""
+    file = net.file()
+    with Host(net.robot, file, "robot") as robot, Host(net.laptop, file, "laptop") as laptop:
+        assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
+        assert eventually(lambda: robot.received("smoother", "wheels") > 50, 10.0, 0.2)
+        came: list[NodeStatus] = []
+        client = Client(laptop.folder)
+        began = time.time_ns()
+        client.subscribe_kept(
+            "rover/status/source",
+            lambda _key, data, _encoding: came.append(unpack(data, NodeStatus)),
+        )
+        assert eventually(lambda: len(came) >= 2, 5.0)
+        client.close()
+        assert came[0].stamp < began  # sent before anybody asked for it
+        assert came[1].seq == came[0].seq + 1
+
+
+def test_another_pipeline_on_the_other_side_is_named_on_both(net: Net) -> None:
+    mine = net.file(at="one")
+    other = net.file(at="two")
+    other.write_text(other.read_text().replace("limit: 3", "limit: 4"))
+    with Host(net.robot, mine, "robot") as robot, Host(net.laptop, other, "laptop") as laptop:
+        assert eventually(lambda: robot.says("MISMATCH") and laptop.says("MISMATCH"), 10.0)
+        hashes = {name: report["digest"] for name, report in laptop.reports().items()}
+        assert hashes["robot"] != hashes["laptop"]
+        seen = f"laptop runs pipeline {hashes['laptop']}, robot runs {hashes['robot']}"
+        assert robot.links()["laptop"]["faults"] == [seen]
+        assert "MISMATCH robot runs pipeline" in laptop.call("ps").stdout
+
+
+def test_another_message_class_on_the_other_side_is_named(net: Net) -> None:
+    mine = net.file(at="one")
+    other = net.file(at="two")
+    # There the watcher reads poses where the robot's smoother sends speeds.
+    program = other.parent / "nodes" / "watcher.py"
+    program.write_text(program.read_text().replace("Twist", "WheelTicks").replace(".v]", ".left]"))
+    other.write_text(
+        other.read_text()
+        .replace("external: {cmd_vel: Twist}", "external: {cmd_vel: Twist, speed: WheelTicks}")
+        .replace(", outputs: {speed: speed}", "")
+    )
+    with Host(net.robot, mine, "robot") as robot, Host(net.laptop, other, "laptop") as laptop:
+        assert eventually(lambda: laptop.links()["robot"]["state"] == "linked", 10.0, 0.1)
+        text = "rover/speed is WheelTicks on laptop, Twist on robot"
+        assert eventually(lambda: text in robot.links()["laptop"]["faults"], 5.0, 0.1)
+        assert eventually(lambda: laptop.says("MISMATCH rover/speed is Twist on robot"), 5.0)
+
+
+def test_a_class_with_other_fields_is_named() -> None:
+    ours = Share(
+        *("rover", "robot", "1", "bench", 1, 0.0, "", "abc", ()),
+        classes={"rover/imu": "Imu"},
+        forms={"Imu": "0123"},
+        params={},
+    )
+    assert differences(ours, replace(ours, host="laptop")) == []
+    theirs = replace(ours, host="laptop", forms={"Imu": "4567"})
+    assert differences(ours, theirs) == ["Imu has other fields on laptop than on robot"]
