@@ -7,7 +7,7 @@ read neither the pipeline file nor YAML.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,11 @@ VARIABLE = "LODELINE_LAUNCH"
 
 @dataclass(frozen=True, slots=True)
 class NodeLaunch:
-    """One node of a process; `awaited` are its output ports with a consumer on this host."""
+    """One node of a process.
+
+    `awaited` are its output ports with a consumer on this host, `guarded` its input ports that
+    only a process of this host may send to, `rates` the rates [Hz] expected of output ports.
+    """
 
     name: str
     run: str
@@ -26,6 +30,8 @@ class NodeLaunch:
     inputs: dict[str, Edge]
     outputs: dict[str, str]
     awaited: tuple[str, ...]
+    guarded: tuple[str, ...] = ()
+    rates: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +67,7 @@ class Launch:
                     **node,
                     "inputs": {port: Edge(**edge) for port, edge in node["inputs"].items()},
                     "awaited": tuple(node["awaited"]),
+                    "guarded": tuple(node["guarded"]),
                 }
             )
             for node in values["nodes"]
@@ -101,6 +108,10 @@ def _node_launch(pipeline: Pipeline, spec: NodeSpec) -> NodeLaunch:
         for edge in other.inputs.values()
     }
     awaited = tuple(port for port, key in spec.outputs.items() if key in wanted)
+    sent_here = {
+        key for other in pipeline.nodes if other.host == spec.host for key in other.outputs.values()
+    }
+    guarded = tuple(port for port, edge in spec.inputs.items() if edge.key in sent_here)
     return NodeLaunch(
         name=spec.name,
         run=str(spec.run),
@@ -108,4 +119,7 @@ def _node_launch(pipeline: Pipeline, spec: NodeSpec) -> NodeLaunch:
         inputs=spec.inputs,
         outputs=spec.outputs,
         awaited=awaited,
+        guarded=guarded,
+        # Played recordings are as fast as they are played.
+        rates=spec.rates if pipeline.clock == "host" else {},
     )

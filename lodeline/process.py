@@ -20,7 +20,8 @@ from typing import Any
 from lodeline.bus import Peer, Publisher
 from lodeline.clock import HostClock, make_clock
 from lodeline.graph import Graph
-from lodeline.inlet import Inlet
+from lodeline.health import Gossip
+from lodeline.inlet import Inlet, anybody
 from lodeline.keepsake import Keepsake
 from lodeline.launch import VARIABLE, Launch, NodeLaunch
 from lodeline.loading import load_node
@@ -68,6 +69,7 @@ class NodeProcess:
         self.bus = Peer(folder, launch.process)
         self.publishers: dict[str, Publisher] = {}
         self.status = StatusReporter(self.launch, self.nodes, self.bus)
+        self.gossip = Gossip()
         for item in launch.nodes:
             self._connect(item)
         self.tickers = [
@@ -82,7 +84,7 @@ class NodeProcess:
             message = type(node).outputs()[port].message
             publisher = self.bus.publisher(key, encoding_of(message))
             self.publishers[key] = publisher
-            self.graph.tap(key, self.status.outlet(item.name, publisher))
+            self.graph.tap(key, self.status.outlet(item.name, publisher, item.rates.get(port)))
         for port, edge in item.inputs.items():
             if edge.key in self.graph.sent:
                 continue  # a neighbour in this process hands it over directly
@@ -93,16 +95,20 @@ class NodeProcess:
                 self.clock,
                 node.context.reject,
                 self.graph.ports[item.name, port],
+                self._is_neighbour if port in item.guarded else anybody,
             )
             self.status.watch(item.name, inlet)
-            self.bus.subscribe(edge.key, edge.queue, self._taker(inlet))
+            self.bus.subscribe_from(edge.key, edge.queue, self._taker(inlet))
+
+    def _is_neighbour(self, source: str) -> bool:
+        return source in self.bus.neighbours()
 
     def _taker(self, inlet: Inlet[Any]) -> Any:
         lock, take = self.lock, inlet.take
 
-        def taker(_key: str, data: bytes, _encoding: str) -> None:
+        def taker(source: str, data: bytes) -> None:
             with lock:
-                take(data)
+                take(data, source)
 
         return taker
 
@@ -146,10 +152,17 @@ class NodeProcess:
                 notifier.send("WATCHDOG=1")
             if time.monotonic() >= next_status:
                 next_status += STATUS_S
-                self.status.send(self.clock.now())
+                self._report(notifier)
         notifier.send("STOPPING=1")
         self._close()
         return self.exit_code
+
+    def _report(self, notifier: Notifier) -> None:
+        """The status on the bus, in a word to the supervisor, and what is new of it on the log."""
+        self.status.send(self.clock.now())
+        notifier.send(f"STATUS={self.status.text()}")
+        for line in self.gossip.news(self.status.complaints, time.monotonic()):
+            print(line, file=sys.stderr, flush=True)
 
     def _linked(self) -> bool:
         waited = [item.outputs[port] for item in self.launch.nodes for port in item.awaited]

@@ -10,28 +10,48 @@ from pathlib import Path
 from typing import Any
 
 from lodeline.bus import Publisher, Session
+from lodeline.health import Complaint, Pace, worst
 from lodeline.inlet import Inlet, counts
 from lodeline.launch import Launch
 from lodeline.node import Node
 from lodeline_msgs import Message, NodeStatus, encoding_of, pack
 
+LONGEST_TEXT = 500
+
 
 class Outlet:
     """Puts what a node sends on the bus; packs only while somebody listens."""
 
-    __slots__ = ("bytes", "publisher", "sent")
+    __slots__ = ("_pace", "bytes", "last", "publisher", "sent", "total")
 
-    def __init__(self, publisher: Publisher) -> None:
+    def __init__(self, publisher: Publisher, expected: float | None = None) -> None:
         self.publisher = publisher
         self.sent = 0
+        self.total = 0
         self.bytes = 0
+        self.last = 0.0
+        self._pace = None
+        if expected is not None:
+            self._pace = Pace(publisher.key, expected, time.monotonic())
 
     def __call__(self, message: Message) -> None:
         self.sent += 1
+        self.last = time.monotonic()
         if self.publisher.watched:
             data = pack(message)
             self.bytes += len(data)
             self.publisher.put(data)
+
+    def drain(self, elapsed: float) -> tuple[float, float]:
+        """Samples and bytes a second since the last call, `elapsed` seconds ago."""
+        rates = self.sent / elapsed, self.bytes / elapsed
+        self.total += self.sent
+        self.sent = self.bytes = 0
+        return rates
+
+    def complaint(self, now: float) -> Complaint | None:
+        """What is to be said of its rate; after `drain`."""
+        return None if self._pace is None else self._pace.judge(now, self.total, self.last)
 
 
 class StatusReporter:
@@ -46,13 +66,15 @@ class StatusReporter:
             name: bus.keeper(f"{launch.pipeline}/status/{name}", encoding_of(NodeStatus))
             for name in nodes
         }
+        self._exceptions = dict.fromkeys(nodes, 0)
+        self.complaints: list[Complaint] = []
         self._seq = 0
         self._since = time.monotonic()
         self._cpu = _cpu_seconds()
 
-    def outlet(self, node: str, publisher: Publisher) -> Outlet:
-        """A counted way onto the bus for one output of a node."""
-        outlet = Outlet(publisher)
+    def outlet(self, node: str, publisher: Publisher, expected: float | None = None) -> Outlet:
+        """A counted way onto the bus for one output of a node, `expected` times a second."""
+        outlet = Outlet(publisher, expected)
         self._outlets[node].append(outlet)
         return outlet
 
@@ -61,31 +83,36 @@ class StatusReporter:
         self._inlets[node].append(inlet)
 
     def send(self, stamp: int) -> None:
-        """Publish the status of every node; counters of the last second start anew."""
+        """Publish the status of every node; counters of the last second start anew.
+
+        `complaints` is then what is wrong with them, as found here.
+        """
+        self.complaints = []
         now, cpu = time.monotonic(), _cpu_seconds()
         elapsed, used = max(now - self._since, 1e-3), cpu - self._cpu
         self._since, self._cpu = now, cpu
         for name in self._nodes:
-            status = self._status(name, stamp, elapsed, used / elapsed)
+            status = self._status(name, stamp, elapsed, used / elapsed, now)
             self._puts[name](pack(status))
         self._seq += 1
 
-    def _status(self, name: str, stamp: int, elapsed: float, cpu: float) -> NodeStatus:
+    def _status(self, name: str, stamp: int, elapsed: float, cpu: float, now: float) -> NodeStatus:
         context = self._nodes[name].context
         inlets, outlets = self._inlets[name], self._outlets[name]
         ages = {inlet.key: inlet.drain_ages() for inlet in inlets}
         rates, bandwidths = {}, {}
         for outlet in outlets:
-            rates[outlet.publisher.key] = outlet.sent / elapsed
-            bandwidths[outlet.publisher.key] = outlet.bytes / elapsed
-            outlet.sent = outlet.bytes = 0
+            key = outlet.publisher.key
+            rates[key], bandwidths[key] = outlet.drain(elapsed)
+        found = self._complaints(name, now)
+        self.complaints += found
         errors = [inlet.last_error for inlet in inlets if inlet.last_error]
         return NodeStatus(
             stamp=stamp,
             seq=self._seq,
             node=name,
             host=self._launch.host,
-            state=context.state,
+            state=worst([context.state, *(complaint.state for complaint in found)]),
             pid=os.getpid(),
             pipeline=self._launch.digest,
             rates=rates,
@@ -99,8 +126,29 @@ class StatusReporter:
             restarts=self._launch.restarts,
             cpu=cpu,
             rss=_resident_bytes(),
-            last_error=context.last_error or (errors[0] if errors else ""),
+            last_error="; ".join(map(str, found)) or context.last_error or "".join(errors[:1]),
         )
+
+    def _complaints(self, name: str, now: float) -> list[Complaint]:
+        context = self._nodes[name].context
+        found = [item for inlet in self._inlets[name] for item in inlet.complaints()]
+        paces = [outlet.complaint(now) for outlet in self._outlets[name]]
+        raised = context.rejected["exception"] - self._exceptions[name]
+        if raised:
+            self._exceptions[name] += raised
+            text = f"{raised} in the last second, the last {context.last_error}"
+            found.append(Complaint("degraded", f"EXCEPTIONS {name}", text))
+        return [*found, *(pace for pace in paces if pace is not None)]
+
+    def text(self) -> str:
+        """What is wrong with the nodes of this process, in words; empty if nothing is."""
+        states = [
+            f"{name} is in {node.context.state}: {node.context.last_error}"
+            for name, node in self._nodes.items()
+            if node.context.state != "running"
+        ]
+        # One line of bounded length: it goes out as a line of a datagram.
+        return " ".join("; ".join([*states, *map(str, self.complaints)]).split())[:LONGEST_TEXT]
 
 
 def _quantile(values: list[float], part: float) -> float:
