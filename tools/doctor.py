@@ -1,0 +1,111 @@
+"""Look at the robot's hardware, and say what is wrong and what to do about it.
+
+`lodeline doctor bus` scans the I2C bus, `lodeline doctor imu` tries the IMU while the robot stands
+still, and without a word it does both. Which bus and which devices are expected, the pipeline file
+says; `bus: sim` is a simulated robot. A pipeline that runs meanwhile loses some samples of the IMU.
+
+Exit codes: 0 nothing failed, 1 something did, 2 usage, 3 invalid pipeline.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lodeline.doctor.report import Check, Report
+    from lodeline.i2c import Bus
+
+FAILED = 1
+
+
+def main(argv: list[str]) -> int:
+    """Run `lodeline doctor`; the exit code."""
+    arguments = parser().parse_args(argv)
+    from lodeline.doctor.bus import check_bus, check_file, check_msgpack
+    from lodeline.doctor.imu import Clock, check_imu
+    from lodeline.doctor.report import Report
+    from lodeline.doctor.wiring import wiring_of
+    from lodeline.pipeline.load import find, load
+
+    pipeline = load(find(arguments.pipeline))
+    wiring = wiring_of(pipeline)
+    where = arguments.bus if arguments.bus is not None else wiring.bus
+    report = Report(None if arguments.json else _show)
+    if where is None:
+        report.add("bus", "FAIL", f"no driver of {pipeline.file} names a bus", "name it: --bus 1")
+        return _end(report, arguments.json)
+    bus = _open(where) if check_file(report, where) else None
+    if bus is None:
+        for topic in _topics(arguments.topic):
+            report.add(topic, "skip", "the bus cannot be opened")
+        return _end(report, arguments.json)
+    for topic in _topics(arguments.topic):
+        if topic == "bus":
+            check_bus(report, bus, wiring.devices)
+            check_msgpack(report)
+        else:
+            field = None if arguments.field is None else 1e-6 * arguments.field
+            clock = Clock(time.monotonic, time.sleep)
+            check_imu(report, bus, wiring.imu, wiring.compass, clock, field)
+    bus.close()
+    return _end(report, arguments.json)
+
+
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline doctor` takes."""
+    parser = argparse.ArgumentParser(
+        prog="lodeline doctor",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("topic", nargs="?", choices=["bus", "imu"], help="only these checks")
+    parser.add_argument("--bus", type=_bus, metavar="N", help="another I2C bus: 1, sim")
+    parser.add_argument(
+        "--pipeline", metavar="FILE", help="pipeline file or profile (default: ./pipeline.yaml)"
+    )
+    parser.add_argument("--field", type=float, metavar="UT", help="the field expected here [uT]")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    return parser
+
+
+def _bus(text: str) -> int | str:
+    return int(text) if text.isdigit() else text
+
+
+def _topics(topic: str | None) -> tuple[str, ...]:
+    return ("bus", "imu") if topic is None else (topic,)
+
+
+def _open(where: int | str) -> Bus:
+    from lodeline.i2c import open_bus, open_model
+
+    if where != "sim":
+        return open_bus(where)
+    from lodeline.sim.params import RobotParams
+    from lodeline.sim.robot import SimulatedRobot
+
+    return open_model(SimulatedRobot(RobotParams(speed=0.0), time.monotonic).bus)
+
+
+def _show(check: Check) -> None:
+    print(check, flush=True)
+
+
+def _end(report: Report, as_json: bool) -> int:
+    if as_json:
+        print(json.dumps(report.plain(), indent=2))
+    else:
+        verdicts = [check.verdict for check in report.checks]
+        counts = ", ".join(
+            f"{verdicts.count(each)} {each}" for each in ("ok", "warn", "FAIL", "skip")
+        )
+        print(f"{len(verdicts)} checks: {counts}", file=sys.stderr)
+    return FAILED if report.failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
