@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from lodeline.bus import BusError, Client, Publisher
-from lodeline.params import nearest
+from lodeline.params import closest, nearest
 from lodeline.run_folder import Key, Running, running
 from lodeline_msgs import DecodeError, NodeStatus, unpack
 
@@ -48,7 +48,10 @@ def meant_key(name: str, keys: Collection[str], where: str) -> str:
         return meant[0]
     if meant:
         raise NothingThereError(f"{name!r} may be {' or '.join(meant)}")
-    raise NothingThereError(f"no key {name!r} in {where}{nearest(name, keys)}")
+    ends = {key.rpartition("/")[2]: key for key in keys}
+    like = closest(name, [*keys, *ends])
+    advice = nearest(name, keys) if like is None else f", did you mean {ends.get(like, like)!r}?"
+    raise NothingThereError(f"no key {name!r} in {where}{advice}")
 
 
 class Watch:
