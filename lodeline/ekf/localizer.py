@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from lodeline.ekf.belief import Belief, Covariance3
 from lodeline.ekf.history import History, Hits, Mark, Motion, Verdict
+from lodeline.ekf.mixture import Hypothesis
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.sightings import Contact
 from lodeline.ekf.tracker import Track, Tracker
@@ -22,12 +23,17 @@ class LocalizerState:
     y: float
     yaw: float
     covariance: Covariance3
-    contacts: tuple[tuple[float, float, float], ...]
+    contacts: tuple[tuple[float, float, float, float], ...]
     way: float
     step: float
     nis: float
     rejected: int
-    rejected_in_row: int
+    recent: int
+    alarms: int
+    v: float
+    w: float
+    weight: float
+    others: tuple[tuple[float, ...], ...]
     odom_stamp_ns: int | None
     odom_x: float
     odom_y: float
@@ -43,8 +49,12 @@ class Estimate:
     """Pose in `map` [m, rad] at `stamp_ns`, covariance of (x, y, yaw) row-major.
 
     `nis` is the squared Mahalanobis distance of the last detection (2 degrees of freedom, 0 before
-    the first), `rejected` counts the detections that the gate refused, `ambiguous` says that the
-    3-sigma ellipse reaches beyond half the pitch: the magnets may be taken for their neighbours.
+    the first), `rejected` counts the detections that the gate refused. `ambiguous` says that
+    magnets may be, or may have been, taken for their neighbours: the 3-sigma ellipse reaches half
+    the pitch less the bar's own error, or the cell of the pose has less than the probability
+    asked for. `certainty` is that probability, as far as it was ever in doubt; the covariance
+    has all hypotheses in it. `alarms` counts how often too many magnets were not where they
+    should have been: the robot was moved, or is lost.
     """
 
     stamp_ns: int
@@ -55,6 +65,8 @@ class Estimate:
     nis: float
     rejected: int
     ambiguous: bool
+    certainty: float
+    alarms: int
 
 
 class Localizer:
@@ -124,7 +136,7 @@ class Localizer:
         mark = self._history.newest
         if mark.motion is None:
             return None
-        belief = mark.belief.belief
+        belief, sure, ambiguous = self._tracker.published(mark.belief)
         return Estimate(
             mark.stamp_ns,
             belief.x,
@@ -133,7 +145,9 @@ class Localizer:
             belief.covariance,
             mark.belief.nis,
             mark.belief.rejected,
-            3.0 * belief.position_sigma > 0.5 * self._params.lattice_pitch,
+            ambiguous,
+            sure,
+            mark.belief.alarms,
         )
 
     @property
@@ -147,12 +161,17 @@ class Localizer:
             belief.y,
             belief.yaw,
             belief.covariance,
-            tuple((each[0], each[1], each[2]) for each in track.contacts),
+            tuple((each[0], each[1], each[2], each[3]) for each in track.contacts),
             track.way,
             track.step,
             track.nis,
             track.rejected,
-            track.rejected_in_row,
+            track.recent,
+            track.alarms,
+            track.v,
+            track.w,
+            track.weight,
+            tuple((weight, *other) for weight, other in track.others),
             motion.stamp_ns if motion else None,
             motion.x if motion else 0.0,
             motion.y if motion else 0.0,
@@ -167,7 +186,10 @@ class Localizer:
         """Goes on from a saved state, less sure by `widen` (standard deviations [m, rad])."""
         p = state.covariance
         belief = Belief(state.x, state.y, state.yaw, p[0], p[1], p[2], p[4], p[5], p[8])
-        if not belief.finite:
+        others = [Hypothesis(weight, Belief(*other)) for weight, *other in state.others]
+        beliefs = (belief, *(other.belief for other in others))
+        weights = (state.weight, *(other.weight for other in others))
+        if not (all(each.finite for each in beliefs) and all(0.0 < w <= 1.0 for w in weights)):
             raise ValueError("the saved state has a number in it that is not finite")
         motion = None
         if state.odom_stamp_ns is not None:
@@ -182,7 +204,12 @@ class Localizer:
             state.step,
             state.nis,
             state.rejected,
-            state.rejected_in_row,
+            state.recent,
+            state.alarms,
+            state.v,
+            state.w,
+            weight=state.weight,
+            others=tuple(Hypothesis(w, other.widened(*widen).positive()) for w, other in others),
         )
         self._history.restart(Mark(state.stamp_ns, motion, track))
         self.late, self.duplicates = state.late, state.duplicates

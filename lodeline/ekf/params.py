@@ -1,5 +1,6 @@
 """Parameters of the localiser."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -15,9 +16,13 @@ class LocalizerParams:
     `magnet_model: plain` takes every closed reed as a magnet under the bar, as the lab does;
     `edges` makes use of when a reed closes and opens (see `sightings`). A magnet holds its reed
     closed over `passage`; the ends of it scatter by `edge_sigma`, the offset by `lateral_sigma`.
-    `gate` is on the squared Mahalanobis distance (9.21: 99 % of chi-square, 2 degrees of freedom);
-    after `widen_after` rejections in a row the doubt grows by `widen_sigma`. `reset_sigma` is the
-    doubt that a gap in the odometry brings, also one it does not own up to (> `max_speed`).
+    `association: mixture` follows every magnet that may be meant, `nearest` takes the nearest, as
+    the lab does. `gate` is on the squared Mahalanobis distance (9.21: 99 % of chi-square, 2
+    degrees of freedom); after `widen_after` rejections among the last eight the doubt grows by
+    `widen_sigma`. `reset_sigma` is the doubt that a gap in the odometry brings, also one it does
+    not own up to (> `max_speed`), besides the way that it may have gone in it. While several
+    magnets may be meant, the pose is ambiguous until a cell of the lattice has the probability
+    `sure`.
     Raises ValueError for a parameter that makes no sense.
     """
 
@@ -30,13 +35,15 @@ class LocalizerParams:
     process_noise: Literal["input", "alpha"] = "input"
     alpha_sigma: Annotated[tuple[float, float], "m, rad"] = (0.002, 0.02)
     magnet_model: Literal["plain", "edges"] = "edges"
+    association: Literal["mixture", "nearest"] = "mixture"
     passage: Annotated[float, "m"] = 0.0165
     edge_sigma: Annotated[float, "m"] = 0.003
     lateral_sigma: Annotated[float, "m"] = 0.0035
     gate: Annotated[float, "1"] = 9.21
-    widen_after: Annotated[int, "1"] = 5
-    widen_sigma: Annotated[tuple[float, float], "m, rad"] = (0.010, 0.05)
-    reset_sigma: Annotated[tuple[float, float], "m, rad"] = (0.05, 0.2)
+    widen_after: Annotated[int, "1"] = 4
+    widen_sigma: Annotated[tuple[float, float], "m, rad"] = (0.030, 0.10)
+    reset_sigma: Annotated[tuple[float, float], "m, rad"] = (0.015, 0.10)
+    sure: Annotated[float, "1"] = 0.98
     max_speed: Annotated[float, "m/s"] = 5.0
     history: Annotated[float, "s"] = 1.0
 
@@ -51,3 +58,12 @@ class LocalizerParams:
         if not min(self.widen_sigma) > 0.0:
             # without it a robot that lost its way would reject every magnet for ever
             raise ValueError(f"widen_sigma must be positive, not {self.widen_sigma}")
+        if not 0.5 <= self.sure < 1.0:
+            raise ValueError(f"sure must be a probability of at least 0.5, not {self.sure}")
+        if self.bar_error >= 0.5 * self.lattice_pitch:
+            raise ValueError("passage and lateral_sigma must be small against lattice_pitch")
+
+    @property
+    def bar_error(self) -> float:
+        """Standard deviation [m] of where a closed reed says that a magnet is."""
+        return math.hypot(self.passage / math.sqrt(12.0), self.lateral_sigma)

@@ -4,7 +4,11 @@ A magnet holds its reed closed over a stretch of the way, the passage. A closed 
 only that the magnet is somewhere in it (`plain_sights`). A reed that was open one reading ago
 closed within the last step, so the magnet is at the near end of the passage; one that opens again
 leaves it at the far end. In between, and across, readings closer together than the passage share
-one error, so each is worth its share of the way (`edge_sights`).
+one error, so each is worth its share of the way, and all of them little more than one passage
+(`edge_sights`).
+
+Where a sight has to tell one magnet from the next (`sharp`), shares are too faint to choose by: the
+first reading of a magnet is then worth the passage as a whole, and the others of it nothing.
 """
 
 from typing import NamedTuple
@@ -13,6 +17,8 @@ UNKNOWN_WAY = 1e3  # m: the bar may have come from anywhere
 SAME_MAGNET = 0.011  # m: magnets are farther apart than a sight moves within a passage
 STUCK = 2.0  # passages: a reed that stays closed for longer has no magnet under it
 ANYWHERE = 1.0  # m^2: variance across of a magnet that is no longer under any reed
+MOST = 1.2  # passages that the readings of one are worth: most of their error is the same
+NOTHING = 1e-6  # share of a passage
 STRAIGHT = 0.8  # share of the bar's way along its x axis from which there is a near and a far end
 
 
@@ -23,6 +29,7 @@ class Sight(NamedTuple):
     offset: float
     ahead_variance: float
     left_variance: float
+    fresh: bool = True  # not of a magnet that a reading before this one had
 
 
 class Contact(NamedTuple):
@@ -31,10 +38,11 @@ class Contact(NamedTuple):
     lateral: float
     since_first: float  # signed, along x, since the first reading that had it
     since_last: float  # any direction, since the last reading that had it
+    told: float = 0.0  # share of what the passage tells that was taken from its readings
 
     def moved(self, way: float, step: float) -> "Contact":
         """After the bar moved by `way` [m], of which `step` along x."""
-        return Contact(self.lateral, self.since_first + step, self.since_last + way)
+        return Contact(self.lateral, self.since_first + step, self.since_last + way, self.told)
 
 
 class ReedModel(NamedTuple):
@@ -62,6 +70,8 @@ def edge_sights(
     laterals: tuple[float, ...],
     way: float,
     step: float,
+    *,
+    sharp: bool = False,
 ) -> tuple[list[Sight], tuple[Contact, ...]]:
     """Sights of a reading, and the contacts to remember for the next.
 
@@ -69,15 +79,17 @@ def edge_sights(
     signed; `contacts` are those of the reading before, not yet moved.
     """
     half, straight = 0.5 * model.passage, abs(step) >= STRAIGHT * way > 0.0
-    share = min(1.0, max(way, 1e-6) / model.passage)
+    share = min(1.0, max(way, NOTHING) / model.passage)
     sights: list[Sight] = []
     kept: list[Contact] = []
     left_over = list(contacts)
     for lateral in laterals:
         before = _nearest(left_over, lateral)
-        low, high, ahead_share = -half, half, share
+        low, high = -half, half
         if before is None:
-            kept.append(Contact(lateral, 0.0, 0.0))
+            worth = 1.0 if sharp else share
+            ahead_share = worth
+            kept.append(Contact(lateral, 0.0, 0.0, MOST if sharp else share))
             if straight:  # it came in at the near end, within the last step
                 ahead_share = 1.0
                 if step > 0.0:
@@ -86,14 +98,17 @@ def edge_sights(
                     high = min(half, -half - step)
         else:
             left_over.remove(before)
-            kept.append(Contact(lateral, before.since_first + step, 0.0))
-            if abs(before.since_first + step) > STUCK * model.passage:
+            worth = ahead_share = max(0.0, min(share, MOST - before.told))
+            since_first = before.since_first + step
+            kept.append(Contact(lateral, since_first, 0.0, before.told + worth))
+            if worth < NOTHING or abs(since_first) > STUCK * model.passage:
                 continue
         sight = model.sight(lateral, low, high)
         sights.append(
             sight._replace(
                 ahead_variance=sight.ahead_variance / ahead_share,
-                left_variance=sight.left_variance / share,
+                left_variance=sight.left_variance / worth,
+                fresh=before is None,
             )
         )
     for before in left_over:
@@ -105,7 +120,8 @@ def edge_sights(
             through = 0.0
         if closed and straight and way < model.passage and through * step > 0.0:
             low, high = (-half - step, -half) if step > 0.0 else (half, half - step)
-            sights.append(model.sight(before.lateral, low, high)._replace(left_variance=ANYWHERE))
+            sight = model.sight(before.lateral, low, high)
+            sights.append(sight._replace(left_variance=ANYWHERE, fresh=False))
         if moved.since_last < model.passage:
             kept.append(moved)
     return sights, tuple(kept)

@@ -3,10 +3,12 @@
 import math
 from typing import NamedTuple
 
+from lodeline.ekf.association import Association
 from lodeline.ekf.belief import Belief, certain
-from lodeline.ekf.engine import Detection, Noise, make_engine
+from lodeline.ekf.engine import Noise, make_engine
 from lodeline.ekf.history import Hits, Motion
-from lodeline.ekf.motion import part, relative
+from lodeline.ekf.mixture import Hypothesis, Mixture, certainty, spread
+from lodeline.ekf.motion import Delta, part, relative
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.sightings import (
     UNKNOWN_WAY,
@@ -18,9 +20,15 @@ from lodeline.ekf.sightings import (
 )
 from lodeline.magnets.lattice import Lattice
 
+COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as it went
+RECENT = 8  # sights of which too many must not be rejected
+
 
 class Track(NamedTuple):
-    """What is carried from sample to sample: the belief and the marks of its detections."""
+    """What is carried from sample to sample: the beliefs and the marks of their detections.
+
+    `belief` is the leading hypothesis; `others` are there while it is not clear which one is true.
+    """
 
     belief: Belief
     contacts: tuple[Contact, ...] = ()
@@ -28,7 +36,28 @@ class Track(NamedTuple):
     step: float = 0.0  # the part of it along x, signed [m]
     nis: float = 0.0
     rejected: int = 0
-    rejected_in_row: int = 0
+    recent: int = 0  # one bit for each of the last sights, newest lowest: 1 was rejected
+    alarms: int = 0  # times that too many of them were
+    v: float = 0.0  # how fast it went last [m/s]
+    w: float = 0.0  # and turned [rad/s]
+    blind: bool = False  # in the midst of a way that nobody measures
+    weight: float = 1.0
+    others: Mixture = ()
+
+    @property
+    def mixture(self) -> Mixture:
+        """All hypotheses, the leading one first."""
+        return (Hypothesis(self.weight, self.belief), *self.others)
+
+    def of(self, mixture: Mixture) -> "Track":
+        """The same with another mixture."""
+        (weight, belief), *others = mixture
+        return self._replace(belief=belief, weight=weight, others=tuple(others))
+
+    def widened(self, position: float, heading: float) -> "Track":
+        """Every hypothesis less sure by these standard deviations [m, rad]."""
+        wide = (Hypothesis(w, b.widened(position, heading)) for w, b in self.mixture)
+        return self.of(tuple(wide))
 
 
 class Tracker:
@@ -37,24 +66,39 @@ class Tracker:
     def __init__(self, params: LocalizerParams) -> None:
         self._params = params
         self._engine = make_engine(params.engine)
-        self._lattice = Lattice(params.lattice_pitch, *params.lattice_origin)
         self._reeds = ReedModel(params.passage, params.edge_sigma, params.lateral_sigma)
+        self._association = Association(
+            self._engine,
+            Lattice(params.lattice_pitch, *params.lattice_origin),
+            params.bar_x,
+            params.gate,
+            params.bar_error,
+        )
 
     def start(self) -> Track:
         """The track before any sample."""
         params = self._params
         return Track(certain(*params.initial_pose).widened(*params.initial_sigma))
 
-    def lost(self, track: Track, share: float = 1.0) -> Track:
-        """After a time in which nobody measured where the robot went (or a share of it)."""
-        doubt = math.sqrt(share)
+    def lost(self, track: Track, seconds: float = 0.0, share: float = 1.0) -> Track:
+        """After `seconds` in which nobody measured where the robot went, or a `share` of a gap.
+
+        It is taken to have gone on as it went; that it stopped at once is one sigma off.
+        """
         position, heading = self._params.reset_sigma
-        return track._replace(
-            belief=track.belief.widened(doubt * position, doubt * heading),
-            contacts=(),
-            way=UNKNOWN_WAY,
-            step=0.0,
+        reach = min(seconds, COAST * share)
+        delta = _arc(track.v * reach, track.w * reach)
+        # of a gap in several parts each brings its share of the variance of the whole
+        along, turn = track.v * seconds, track.w * seconds
+        noise = Noise(
+            along * along / share,
+            0.0,
+            turn * turn / share,
+            share * position * position,
+            share * heading * heading,
         )
+        track = self._moved(track, delta, noise)
+        return track._replace(contacts=(), way=UNKNOWN_WAY, step=0.0)
 
     def advance(
         self, track: Track, before: Motion, after: Motion, begin: float, end: float
@@ -66,12 +110,21 @@ class Tracker:
         if after.resets != before.resets or (
             math.hypot(delta.ahead, delta.left) > params.max_speed * seconds
         ):
-            return self.lost(track, share)
+            track = self.lost(track, seconds * share, share)
+            return track._replace(blind=end < 1.0)
+        v, w = delta.ahead / seconds, delta.turn / seconds
         if share < 1.0:
             delta = part(delta, begin, end)
-        belief = self._engine.predict(track.belief, delta, self._noise(after, seconds * share))
+        track = self._moved(track, delta, self._noise(after, seconds * share))
         way = math.hypot(delta.ahead, delta.left + params.bar_x * delta.turn)
-        return track._replace(belief=belief, way=track.way + way, step=track.step + delta.ahead)
+        way, step = track.way + way, track.step + delta.ahead
+        return track._replace(way=way, step=step, v=v, w=w, blind=False)
+
+    def _moved(self, track: Track, delta: Delta, noise: Noise) -> Track:
+        predict = self._engine.predict
+        if not track.others:
+            return track._replace(belief=predict(track.belief, delta, noise))
+        return track.of(tuple(Hypothesis(w, predict(b, delta, noise)) for w, b in track.mixture))
 
     def _noise(self, motion: Motion, seconds: float) -> Noise:
         if self._params.process_noise == "alpha":
@@ -85,32 +138,60 @@ class Tracker:
 
     def observe(self, track: Track, hits: Hits) -> Track:
         """After a reading of the bar: each sight is gated, then corrects the belief."""
+        if track.blind:  # a magnet that stays or another one? it tells more when the gap is over
+            return track
         contacts: tuple[Contact, ...] = ()
-        if self._params.magnet_model == "plain":
-            sights = plain_sights(self._reeds, hits.laterals)
-        else:
+        sights = plain_sights(self._reeds, hits.laterals) if hits.laterals else []
+        torn = bool(track.others) or (
+            self._params.association == "mixture"
+            and self._association.is_torn(track.belief, sights)
+        )
+        if self._params.magnet_model == "edges":
             sights, contacts = edge_sights(
-                self._reeds, track.contacts, hits.laterals, track.way, track.step
+                self._reeds, track.contacts, hits.laterals, track.way, track.step, sharp=torn
             )
+        alarms = track.alarms
         for sight in sights:
-            track = self._detect(track, sight)
+            track = self._detect(track, sight, torn=torn)
+        if track.alarms != alarms:
+            contacts = ()  # which magnets these were is open again
         return track._replace(contacts=contacts, way=0.0, step=0.0)
 
-    def _detect(self, track: Track, sight: Sight) -> Track:
-        params, belief = self._params, track.belief
-        ahead, lateral = params.bar_x + sight.offset, sight.lateral
-        c, s = math.cos(belief.yaw), math.sin(belief.yaw)
-        magnet = self._lattice.nearest(
-            belief.x + c * ahead - s * lateral, belief.y + s * ahead + c * lateral
-        )
-        detection = Detection(ahead, lateral, sight.ahead_variance, sight.left_variance, *magnet)
-        nis = self._engine.weigh(belief, detection).nis
-        if nis <= params.gate:
-            belief = self._engine.correct(belief, detection).positive()
-            return track._replace(belief=belief, nis=nis, rejected_in_row=0)
-        in_row = track.rejected_in_row + 1
-        if in_row >= params.widen_after:
-            belief, in_row = belief.widened(*params.widen_sigma), 0
-        return track._replace(
-            belief=belief, nis=nis, rejected=track.rejected + 1, rejected_in_row=in_row
-        )
+    def _detect(self, track: Track, sight: Sight, *, torn: bool) -> Track:
+        if not torn:
+            # a reed that opens tells nothing across, but which magnet it was must be clear there
+            nominal = self._reeds.sight(sight.lateral, sight.offset, sight.offset)
+            if not sight.fresh and self._association.is_torn(track.belief, (nominal,)):
+                return track
+            belief, nis, passed = self._association.single(track.belief, sight)
+            return self._judged(track._replace(belief=belief), nis, rejected=not passed)
+        mixture, distance, rejected = self._association.branch(track.mixture, sight)
+        if distance is None:
+            return track
+        return self._judged(track.of(mixture), distance, rejected=rejected)
+
+    def _judged(self, track: Track, nis: float, *, rejected: bool) -> Track:
+        """Counts a verdict; too many rejections among the last mean that the pose is wrong."""
+        if not rejected and not track.recent:
+            return track._replace(nis=nis)
+        recent = (track.recent << 1 | rejected) & ((1 << RECENT) - 1)
+        track = track._replace(nis=nis, rejected=track.rejected + rejected, recent=recent)
+        if recent.bit_count() < self._params.widen_after:
+            return track
+        track = track._replace(recent=0, alarms=track.alarms + 1)
+        return track.widened(*self._params.widen_sigma)
+
+    def published(self, track: Track) -> tuple[Belief, float, bool]:
+        """The pose with all that it may be wrong by, how certain its cell is, and `ambiguous`."""
+        if not track.others:
+            return track.belief, 1.0, self._association.is_wide(track.belief)
+        mixture = track.mixture
+        sure = certainty(mixture, self._params.lattice_pitch)
+        wide = self._association.is_wide(track.belief)
+        return spread(mixture), sure, wide or sure < self._params.sure
+
+
+def _arc(way: float, turn: float) -> Delta:
+    """The motion of `way` [m] along an arc that turns by `turn` [rad]."""
+    chord = way * (math.sin(0.5 * turn) / (0.5 * turn) if abs(turn) > 1e-9 else 1.0)
+    return Delta(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), turn)

@@ -1,6 +1,7 @@
 """The square lattice of magnets under the floor."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -24,3 +25,16 @@ class Lattice:
             self.origin_x + pitch * round((x - self.origin_x) / pitch),
             self.origin_y + pitch * round((y - self.origin_y) / pitch),
         )
+
+    def around(self, x: float, y: float, radius: float) -> Iterator[tuple[float, float]]:
+        """All magnets within `radius` of (x, y) [m], as (x, y) [m], row by row."""
+        pitch = self.pitch
+        i_low = math.ceil((x - radius - self.origin_x) / pitch)
+        i_high = math.floor((x + radius - self.origin_x) / pitch)
+        for i in range(i_low, i_high + 1):
+            at_x = self.origin_x + pitch * i
+            half = math.sqrt(max(0.0, radius * radius - (at_x - x) ** 2))
+            j_low = math.ceil((y - half - self.origin_y) / pitch)
+            j_high = math.floor((y + half - self.origin_y) / pitch)
+            for j in range(j_low, j_high + 1):
+                yield at_x, self.origin_y + pitch * j

@@ -1,0 +1,1 @@
+"""Measurements that `lodeline bench` makes, one module each."""

@@ -1,0 +1,141 @@
+"""Which magnet a sight belongs to: the nearest while that is clear, else every one it may be."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from lodeline.ekf.belief import Belief
+from lodeline.ekf.engine import Detection, Engine, Innovation
+from lodeline.ekf.mixture import MOST, Hypothesis, Mixture, reduced
+from lodeline.ekf.sightings import Sight
+from lodeline.magnets.lattice import Lattice
+
+STRAY = 0.01  # share of sights that come from no magnet of the lattice
+BRANCH_GATE = 16.0  # chi-square: a branch not taken never comes back, so 3 in 10 000 are refused
+
+
+class Verdict(NamedTuple):
+    """The mixture after a sight; `nis` None: it told nothing. `rejected`: no magnet fits it."""
+
+    mixture: Mixture
+    nis: float | None
+    rejected: bool
+
+
+class Association:
+    """Takes a sight to a belief or to a mixture of them."""
+
+    def __init__(
+        self, engine: Engine, lattice: Lattice, bar_x: float, gate: float, bar_error: float
+    ) -> None:
+        """`gate` on the squared Mahalanobis distance; `bar_error`: of the bar itself [m]."""
+        self._engine, self._lattice = engine, lattice
+        self._bar_x, self._gate = bar_x, gate
+        self._branch_gate = max(gate, BRANCH_GATE)
+        self._wide = (0.5 * lattice.pitch - bar_error) / 3.0
+
+    def is_wide(self, belief: Belief) -> bool:
+        """True if 3 sigma of the bar's place reach so far that a neighbour may be meant."""
+        bx, by = self._bar_x * math.cos(belief.yaw), self._bar_x * math.sin(belief.yaw)
+        _, _, _, p00, p01, p02, p11, p12, p22 = belief
+        c00 = p00 - 2.0 * by * p02 + by * by * p22
+        c01 = p01 + bx * p02 - by * p12 - bx * by * p22
+        c11 = p11 + 2.0 * bx * p12 + bx * bx * p22
+        return _longest(c00, c01, c11) > self._wide * self._wide
+
+    def is_torn(self, belief: Belief, sights: Sequence[Sight]) -> bool:
+        """True if one of these sights may be of more than one magnet."""
+        if not sights or not self.is_wide(belief):
+            return False
+        return any(len(self._candidates(belief, sight)) > 1 for sight in sights)
+
+    def single(self, belief: Belief, sight: Sight) -> tuple[Belief, float, bool]:
+        """Belief after, Mahalanobis distance squared, and whether the gate let the sight in."""
+        detection = self._nearest(belief, sight)
+        nis = self._engine.weigh(belief, detection).nis
+        if nis > self._gate:
+            return belief, nis, False
+        return self._engine.correct(belief, detection).positive(), nis, True
+
+    def branch(self, mixture: Mixture, sight: Sight) -> Verdict:
+        """Every hypothesis goes on with each magnet it may have met, and with none of them.
+
+        A reading of a magnet that was met before does not choose anew; while a hypothesis is too
+        wide to know which one that was, it tells nothing.
+        """
+        wide = [self.is_wide(each.belief) for each in mixture]
+        if not sight.fresh and any(wide):
+            return Verdict(mixture, None, rejected=False)
+        # magnets lie one per cell: what a sight is worth that is taken for none of them
+        area = max(
+            self._lattice.pitch**2,
+            2.0 * math.pi * math.sqrt(sight.ahead_variance * sight.left_variance),
+        )
+        children: list[Hypothesis] = []
+        taken = strays = flat = 0.0
+        best = math.inf
+        for (weight, belief), is_wide in zip(mixture, wide, strict=True):
+            seen = self._candidates(belief, sight) if is_wide else [self._nearest(belief, sight)]
+            if len(seen) > MOST:  # it may be anywhere: no magnet tells it more
+                children.append(Hypothesis(weight / area, belief))
+                flat += weight / area
+                continue
+            children.append(Hypothesis(STRAY * weight / area, belief))
+            strays += STRAY * weight / area
+            for detection in seen:
+                innovation = self._engine.weigh(belief, detection)
+                best = min(best, innovation.nis)
+                if innovation.nis > self._branch_gate:
+                    continue
+                likely = weight * _density(innovation, detection)
+                taken += likely
+                after = self._engine.correct(belief, detection).positive()
+                children.append(Hypothesis(likely, after))
+        if best == math.inf:
+            return Verdict(mixture, None, rejected=False)
+        return Verdict(reduced(children), best, rejected=strays > taken + flat)
+
+    def _nearest(self, belief: Belief, sight: Sight) -> Detection:
+        return self._detection(sight, self._lattice.nearest(*self._spot(belief, sight)))
+
+    def _candidates(self, belief: Belief, sight: Sight) -> list[Detection]:
+        """The nearest magnet and all others within the gate, or more than `MOST`."""
+        nearest = self._nearest(belief, sight)
+        s = self._engine.weigh(belief, nearest)
+        radius = math.sqrt(self._branch_gate * _longest(s.s00, s.s01, s.s11))
+        if math.pi * radius * radius > 4.0 * MOST * self._lattice.pitch**2:
+            return [nearest] * (MOST + 1)
+        detections = (
+            self._detection(sight, magnet)
+            for magnet in self._lattice.around(*self._spot(belief, sight), radius)
+        )
+        return [
+            each for each in detections if self._engine.weigh(belief, each).nis <= self._branch_gate
+        ]
+
+    def _spot(self, belief: Belief, sight: Sight) -> tuple[float, float]:
+        """Where a belief puts the magnet that was seen [m]."""
+        ahead, lateral = self._bar_x + sight.offset, sight.lateral
+        c, s = math.cos(belief.yaw), math.sin(belief.yaw)
+        return belief.x + c * ahead - s * lateral, belief.y + s * ahead + c * lateral
+
+    def _detection(self, sight: Sight, magnet: tuple[float, float]) -> Detection:
+        return Detection(
+            self._bar_x + sight.offset,
+            sight.lateral,
+            sight.ahead_variance,
+            sight.left_variance,
+            *magnet,
+        )
+
+
+def _longest(c00: float, c01: float, c11: float) -> float:
+    """The larger eigenvalue of a symmetric 2x2 matrix."""
+    return 0.5 * (c00 + c11) + math.hypot(0.5 * (c00 - c11), c01)
+
+
+def _density(innovation: Innovation, detection: Detection) -> float:
+    """Likelihood [1/m^2] of a detection: the normal density of its innovation."""
+    _, _, s00, s01, s11, nis = innovation
+    det = max(s00 * s11 - s01 * s01, detection.ahead_variance * detection.left_variance)
+    return math.exp(-0.5 * nis) / (2.0 * math.pi * math.sqrt(det))
