@@ -104,7 +104,7 @@ class Recording:
         wanted = ours if keys is None else ours & set(keys)
         if not wanted:
             return
-        messages = self._reader.iter_messages(topics=wanted, start_time=since)
+        messages = self._reader.iter_messages(topics=wanted, starting_at=since)
         while True:
             with self._damage():
                 found = next(messages, None)

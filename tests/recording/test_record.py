@@ -1,0 +1,366 @@
+"""Claims about live recording: nothing lost, and a file that survives kills and full disks."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+
+from lodeline.bus import Client
+from lodeline.recording import RecordingError
+from lodeline.recording.read import Recording
+from lodeline.recording.record import Recorder, default_name
+from lodeline.recording.sink import BALLAST
+from lodeline.recording.summary import summarize
+from lodeline_msgs import Imu, Twist, class_of, encoding_of, pack, unpack
+from tests.support.live import ROOT, Up, environment, eventually, lodeline
+
+WHEN = time.struct_time((2026, 11, 23, 6, 48, 32, 0, 327, 0))
+IMU = encoding_of(Imu)
+
+
+def imu(seq: int, stamp: int | None = None) -> bytes:
+    # Every number differs, so that compression does not make the disk look larger than it is.
+    values = tuple(((seq * 7919 + i) % 65521) / 977 for i in range(6))
+    when = 1_000_000_000 + seq * 1_000_000 if stamp is None else stamp
+    return pack(Imu(when, values[:3], values[3:], seq=seq))  # type: ignore[arg-type]
+
+
+def recorder(path: Path, *, replace: bool = False) -> Recorder:
+    return Recorder(path, "rover", {"imu/data": "Imu"}, {"pipeline": "rover"}, replace=replace)
+
+
+def numbers(file: Path, key: str = "imu/data") -> list[int]:
+    with Recording(file) as recording:
+        return [packed.seq for packed in recording.packed([key])]
+
+
+# -- the file ----------------------------------------------------------------------------------
+
+
+def test_samples_are_kept_byte_for_byte_and_losses_are_noted(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    made = recorder(file)
+    sent = [imu(seq) for seq in (5, 6, 9, 10, 20)]
+    for data in sent:
+        made.take("rover/imu/data", data, IMU)
+    made.take("rover/unknown", sent[0], IMU)
+    made.take("rover/imu/data", b"\xc1", IMU)
+    made.take("rover/imu/data", pack(Twist(1, 0.0, 0.0)), encoding_of(Twist))
+    # A sender that was restarted counts anew: no loss.
+    made.take("rover/imu/data", imu(0, stamp=9_000_000_000), IMU)
+    made.close("interrupted")
+    with Recording(file) as recording:
+        assert [packed.data for packed in recording.packed()][:5] == sent
+        assert recording.metadata["lost"] == "11 of imu/data"
+        assert recording.metadata["end"] == "interrupted"
+        assert list(recording.channels) == ["imu/data"]
+        assert summarize(recording).keys["imu/data"].lost == 11
+    assert made.samples == 6
+    assert made.refused == {"imu/data": "Twist where Imu is expected"}
+
+
+def test_a_recording_that_exists_is_not_overwritten(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    file.write_text("dear")
+    with pytest.raises(RecordingError, match="exists already"):
+        recorder(file)
+    assert file.read_text() == "dear"
+    recorder(file, replace=True).close("")
+    assert numbers(file) == []
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="No such file or directory"):
+        recorder(tmp_path / "nowhere" / "run.mcap")
+
+
+def test_the_ballast_is_seen_by_nobody(tmp_path: Path) -> None:
+    made = recorder(tmp_path / "run.mcap")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["run.mcap"]
+    made.close("")
+
+
+def test_default_names_have_pipeline_and_time() -> None:
+    assert default_name("rover", WHEN) == "rover-20261123-064832.mcap"
+
+
+@given(st.text() | st.text(alphabet="./\\\0~ a\u2024\uff0f"))
+def test_no_pipeline_name_leads_out_of_the_folder(name: str) -> None:
+    try:
+        made = default_name(name, WHEN)
+    except RecordingError as error:
+        assert "not allowed" in str(error)
+        return
+    assert Path(made).name == made
+    assert not made.startswith(".")
+    assert made.isascii() and made.isprintable() and " " not in made
+
+
+# -- disk full ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Callable[[int], Path]]:
+    """Makes a file system of so many bytes."""
+    if os.geteuid() != 0:
+        pytest.skip("only root may mount a small tmpfs")
+    mounted: list[Path] = []
+
+    def make(size: int) -> Path:
+        folder = tmp_path / f"disk{len(mounted)}"
+        folder.mkdir()
+        command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", str(folder)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            pytest.skip(f"no tmpfs can be mounted here: {done.stderr.strip()}")
+        mounted.append(folder)
+        return folder
+
+    yield make
+    for folder in mounted:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_full_disk_costs_no_sample_that_was_taken(small_disk: Callable[[int], Path]) -> None:
+    for turn in range(20):
+        file = small_disk(400_000 + 43_457 * turn) / "run.mcap"
+        made = recorder(file)
+        for seq in range(200_000):
+            made.take("rover/imu/data", imu(seq), IMU)
+            if seq % 500 == 499:
+                made.tend()
+            if made.stopped.is_set():
+                break
+        assert made.stopped.is_set()
+        taken = made.samples
+        made.close("disk full")
+        assert made.sink.pending == 0
+        assert made.sink.error is None
+        with file.open("rb") as stream:  # the stock reader
+            found = [message.sequence for _, _, message in make_reader(stream).iter_messages()]
+        assert found == list(range(taken)), turn
+        assert taken > 0
+
+
+def test_a_disk_without_room_to_begin_with_is_refused(small_disk: Callable[[int], Path]) -> None:
+    folder = small_disk(BALLAST // 2)
+    with pytest.raises(RecordingError, match="No space left on device"):
+        recorder(folder / "run.mcap")
+    assert list(folder.iterdir()) == []
+
+
+# -- beside a running pipeline -----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def up() -> Iterator[Up]:
+    with Up(ROOT / "pipeline.yaml") as running:
+        yield running
+
+
+def start(up: Up, *words: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "lodeline", "bag", "record", *words],
+        env=environment(up.run),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def grows(file: Path, beyond: int) -> bool:
+    return eventually(lambda: file.exists() and file.stat().st_size > beyond, 30.0)
+
+
+def test_every_key_is_recorded_without_a_gap_and_ctrl_c_is_the_regular_end(
+    up: Up, tmp_path: Path
+) -> None:
+    process = start(up, "-o", str(tmp_path / "run.mcap"))
+    assert grows(tmp_path / "run.mcap", 200_000)
+    process.send_signal(signal.SIGINT)
+    said, complaints = process.communicate(timeout=10.0)
+    assert (process.returncode, complaints) == (0, "")
+    assert said.rstrip().endswith("interrupted, nothing lost")
+    with Recording(tmp_path / "run.mcap") as recording:
+        assert recording.metadata["lost"] == "nothing"
+        assert recording.metadata["digest"] == up.running.manifest.digest
+        keys = {key for key, known in up.running.keys().items() if known.node is not None}
+        status = {f"status/{node}" for node in up.running.manifest.nodes}
+        assert set(recording.channels) == keys | status
+        summary = summarize(recording)
+    assert all(key.lost == 0 for key in summary.keys.values())
+    assert summary.keys["imu/data"].samples > 100
+
+
+def test_what_is_recorded_can_be_computed_again(up: Up, tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    done = up.call("bag", "record", "-o", str(file), "--seconds", "2")
+    assert done.returncode == 0, done.stderr
+    result = lodeline("replay", str(file), "--pipeline", str(ROOT / "pipeline.yaml"), run=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "pose" in result.stdout
+
+
+def test_only_the_chosen_keys_are_recorded(up: Up, tmp_path: Path) -> None:
+    result = subprocess.run(
+        [
+            *(sys.executable, "-P", "-m", "lodeline"),
+            *("bag", "record", "data_raw", "pose", "--seconds", "1"),
+        ],
+        env=environment(up.run),
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=30.0,
+    )
+    assert result.returncode == 0, result.stderr
+    (file,) = tmp_path.iterdir()
+    assert file.name.startswith("rover-20")
+    with Recording(file) as recording:
+        assert set(recording.channels) == {"imu/data_raw", "pose"}
+    wrong = up.call("bag", "record", "poze", "-o", str(tmp_path / "x.mcap"))
+    assert wrong.returncode == 4
+    assert "did you mean 'pose'?" in wrong.stderr
+    assert not (tmp_path / "x.mcap").exists()
+
+
+class Listener:
+    """Numbers of the samples of a key, and when each came [s]."""
+
+    def __init__(self, up: Up, key: str) -> None:
+        self._came: dict[int, float] = {}
+        self._lock = threading.Lock()
+        self._client = Client(up.folder)
+        self._client.subscribe(key, 4096, self._take)
+
+    def _take(self, _key: str, data: bytes, encoding: str) -> None:
+        with self._lock:
+            self._came[unpack(data, class_of(encoding)).seq] = time.monotonic()
+
+    def when(self, seq: int) -> float:
+        with self._lock:
+            return self._came[seq]
+
+    def between(self, first: int, last: int) -> set[int]:
+        with self._lock:
+            return {seq for seq in self._came if first < seq < last}
+
+    def close(self) -> None:
+        self._client.close()
+
+
+@pytest.fixture
+def listener(up: Up) -> Iterator[Listener]:
+    heard = Listener(up, "rover/imu/data_raw")
+    yield heard
+    heard.close()
+
+
+def test_a_kill_costs_at_most_the_last_six_tenths_of_a_second(
+    up: Up, listener: Listener, tmp_path: Path
+) -> None:
+    for turn in range(3):
+        file, saved = tmp_path / f"run{turn}.mcap", tmp_path / f"saved{turn}.mcap"
+        process = start(up, "-o", str(file))
+        assert grows(file, 60_000 + 7_000 * turn)
+        process.kill()
+        killed = time.monotonic()
+        process.communicate()
+        result = lodeline("bag", "recover", str(file), "-o", str(saved), run=tmp_path)
+        assert result.returncode == 3
+        found = numbers(saved, "imu/data_raw")
+        assert found == list(range(found[0], found[-1] + 1))
+        assert killed - listener.when(found[-1]) <= 0.6
+
+
+def test_a_recorder_that_was_frozen_says_exactly_what_it_missed(
+    up: Up, listener: Listener, tmp_path: Path
+) -> None:
+    file = tmp_path / "run.mcap"
+    process = start(up, "imu/data_raw", "-o", str(file))
+    assert grows(file, 10_000)
+    process.send_signal(signal.SIGSTOP)
+    time.sleep(4.0)  # longer than the bus bears with anybody
+    process.send_signal(signal.SIGCONT)
+    size = file.stat().st_size
+    assert grows(file, size + 10_000)
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=10.0)
+    assert process.returncode == 0
+    found = set(numbers(file, "imu/data_raw"))
+    missed = listener.between(min(found), max(found)) - found
+    with Recording(file) as recording:
+        noted = recording.metadata["lost"]
+    assert noted == (f"{len(missed)} of imu/data_raw" if missed else "nothing")
+    assert said.rstrip().endswith(f"lost {noted}" if missed else "nothing lost")
+
+
+def test_a_live_recorder_on_a_full_disk_says_so_and_leaves_a_readable_file(
+    up: Up, small_disk: Callable[[int], Path]
+) -> None:
+    file = small_disk(500_000) / "run.mcap"
+    before = up.ps()
+    process = start(up, "-o", str(file))
+    _, complaints = process.communicate(timeout=30.0)
+    assert process.returncode == 1
+    assert complaints.startswith("DISK_FULL recording stopped at ")
+    with Recording(file) as recording:
+        assert recording.metadata["end"] == "disk full"
+        assert all(key.lost == 0 for key in summarize(recording).keys.values())
+    after = up.ps()
+    assert {name: each["pid"] for name, each in after.items()} == {
+        name: each["pid"] for name, each in before.items()
+    }
+
+
+def test_a_thousand_samples_a_second_are_recorded_without_a_gap(tmp_path: Path) -> None:
+    node = tmp_path / "fast.py"
+    node.write_text(FAST)
+    pipeline = tmp_path / "fast.yaml"
+    pipeline.write_text("name: fast\nnodes:\n  fast: {run: fast.py, outputs: {imu: imu}}\n")
+    file = tmp_path / "run.mcap"
+    with Up(pipeline) as up:
+        done = up.call("bag", "record", "imu", "-o", str(file), "--seconds", "5")
+    assert done.returncode == 0, done.stderr
+    found = numbers(file, "imu")
+    assert found == list(range(found[0], found[-1] + 1))
+    assert len(found) > 2500  # a busy machine lets the source itself miss ticks
+
+
+FAST = '''
+"""A thousand readings a second."""
+from dataclasses import dataclass
+from typing import Annotated
+
+from lodeline.node import Driver, Output
+from lodeline_msgs import Imu
+
+
+@dataclass(frozen=True, slots=True)
+class FastParams:
+    rate: Annotated[float, "Hz"] = 1000.0
+
+
+class Fast(Driver[FastParams]):
+    imu = Output(Imu)
+
+    def tick(self, stamp: int) -> None:
+        self.imu.send(Imu(stamp, (0.1, 0.2, 0.3), (0.0, 0.1, 9.81)))
+
+
+if __name__ == "__main__":
+    from lodeline.process import run
+
+    run(Fast)
+'''
