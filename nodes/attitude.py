@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Literal
 
 from lodeline.attitude import METHODS
+from lodeline.attitude.compass import CompassParams, TiltCompassParams
+from lodeline.attitude.complementary import ComplementaryParams
 from lodeline.attitude.dcm import DcmParams
+from lodeline.attitude.gyro import GyroParams
+from lodeline.attitude.mekf import MekfParams
 from lodeline.attitude.soft import SoftParams
 from lodeline.node import Input, Node, Output
 from lodeline.stamps import Steps
@@ -17,9 +21,16 @@ from lodeline_msgs import AttitudeEstimate, Imu, MagneticField
 class AttitudeNodeParams:
     """The method, and the parameters of each."""
 
-    method: Annotated[Literal["soft", "dcm"], "1"] = "soft"
+    method: Literal["soft", "mekf", "dcm", "gyro", "compass", "tilt_compass", "complementary"] = (
+        "soft"
+    )
     soft: SoftParams = field(default_factory=SoftParams)
+    mekf: MekfParams = field(default_factory=MekfParams)
     dcm: DcmParams = field(default_factory=DcmParams)
+    gyro: GyroParams = field(default_factory=GyroParams)
+    compass: CompassParams = field(default_factory=CompassParams)
+    tilt_compass: TiltCompassParams = field(default_factory=TiltCompassParams)
+    complementary: ComplementaryParams = field(default_factory=ComplementaryParams)
 
 
 class AttitudeNode(Node[AttitudeNodeParams]):

@@ -44,6 +44,7 @@ class Attitude(ABC):
 
     Params: ClassVar[type[Any]]
     State: ClassVar[type[Any]]
+    finds_bias: ClassVar[bool] = False  # whether gyro_bias is ever anything but zero
 
     def __init__(self, params: Any = None, state: Any = None) -> None:
         """Start with the given parameters (else the defaults), from a saved state if given."""

@@ -118,6 +118,7 @@ class Dcm(Attitude):
 
     Params = DcmParams
     State = DcmState
+    finds_bias = True
     params: DcmParams
     _state: DcmState
 

@@ -107,6 +107,7 @@ class Mekf(Attitude):
 
     Params = MekfParams
     State = MekfState
+    finds_bias = True
     params: MekfParams
     _state: MekfState
 

@@ -82,6 +82,7 @@ class Soft(Attitude):
 
     Params = SoftParams
     State = SoftState
+    finds_bias = True
     params: SoftParams
     _state: SoftState
 
