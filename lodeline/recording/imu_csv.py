@@ -1,0 +1,160 @@
+"""Tables of sensor readings: CSV files, plain or gzipped, whose columns are found by name.
+
+`t_s` [s], `gx gy gz` [rad/s], `ax ay az` [m/s^2, specific force], `mx my mz` [uT]; the order is
+free, other columns are left alone, `#` begins a line of comment. What is wrong is told with file
+and line. Microtesla become tesla here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import zlib
+from collections.abc import Iterator, Sequence
+from math import isfinite
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, NoReturn, Self
+
+from lodeline.recording import RecordingError
+from lodeline.rotation import Vector
+
+TIME = "t_s"
+GYRO, ACCEL, MAG = ("gx", "gy", "gz"), ("ax", "ay", "az"), ("mx", "my", "mz")
+MICROTESLA = 1e-6
+GZIP_MAGIC = b"\x1f\x8b"
+Cells = tuple[float | None, ...]
+
+
+class ImuRow(NamedTuple):
+    """One row in SI; the field is None where its cells are empty, so are single extra cells."""
+
+    line: int
+    t: float
+    angular_velocity: Vector
+    linear_acceleration: Vector
+    magnetic_field: Vector | None
+    extra: Cells
+
+
+class CsvTable:
+    """A CSV file, open for reading; a context manager. `columns` are the names of its header.
+
+    Raises RecordingError, from here or while iterating, with `file:line:` and what was expected.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        try:
+            self._stream = _open(file)
+        except OSError as error:
+            raise RecordingError(f"{file}: {error.strerror or error}") from None
+        try:
+            self._lines = self._read()
+            _, header = next(self._lines, (0, None))
+            if header is None:
+                raise RecordingError(f"{file}: is empty, expected a header with {TIME}, gx, ...")
+            self.columns = tuple(cell.strip() for cell in header)
+        except BaseException:
+            self._stream.close()
+            raise
+
+    def rows(
+        self, needed: Sequence[str], wanted: Sequence[str] = ()
+    ) -> Iterator[tuple[int, Cells]]:
+        """(line, numbers) of each row: the needed columns, then the wanted ones.
+
+        A number is None where the cell is empty or `nan`, or there is no such column: that is for
+        wanted columns only.
+        """
+        places = [self._place(name) for name in needed]
+        places += [self._place(name) if name in self.columns else -1 for name in wanted]
+        names = [*needed, *wanted]
+        for line, cells in self._lines:
+            if len(cells) != len(self.columns):
+                self.fail(line, f"{len(cells)} columns, the header has {len(self.columns)}")
+            numbers = tuple(
+                None if place < 0 else self._number(line, name, cells[place])
+                for name, place in zip(names, places, strict=True)
+            )
+            if None in numbers[: len(needed)]:
+                self.fail(line, f"{names[numbers.index(None)]} is empty, expected a number")
+            yield line, numbers
+
+    def fail(self, line: int, text: str) -> NoReturn:
+        """Raise RecordingError about a line of the file."""
+        raise RecordingError(f"{self.file}:{line}: {text}")
+
+    def _place(self, name: str) -> int:
+        found = [place for place, column in enumerate(self.columns) if column == name]
+        if not found:
+            self.fail(1, f"no column {name} (columns: {', '.join(self.columns)[:120]})")
+        if len(found) > 1:
+            self.fail(1, f"column {name} stands twice")
+        return found[0]
+
+    def _number(self, line: int, name: str, cell: str) -> float | None:
+        if not (text := cell.strip()) or text.lower() == "nan":
+            return None
+        try:
+            number = float(text)
+        except ValueError:
+            number = float("inf")
+        if not isfinite(number):
+            self.fail(line, f"{name} is {text[:40]!r}, expected a number")
+        return number
+
+    def _read(self) -> Iterator[tuple[int, list[str]]]:
+        """Lines that hold something, as cells; whatever the file cannot be read for is told."""
+        reader = csv.reader(self._stream)
+        while True:
+            try:
+                cells = next(reader, None)
+            except UnicodeDecodeError:
+                raise RecordingError(f"{self.file}: is no text, expected CSV") from None
+            except (EOFError, OSError, csv.Error, zlib.error) as error:
+                self.fail(reader.line_num + 1, f"cannot be read on: {error}")
+            if cells is None:
+                return
+            if any(cell.strip() for cell in cells) and not cells[0].lstrip().startswith("#"):
+                yield reader.line_num, cells
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stream.close()
+
+
+def read_imu(table: CsvTable, extra: Sequence[str] = ()) -> Iterator[ImuRow]:
+    """Rows of inertial and, if there, magnetic readings; time may stand still but not go back."""
+    missing = [name for name in MAG if name not in table.columns]
+    if 0 < len(missing) < len(MAG):
+        table.fail(1, f"no column {missing[0]}, but others of {', '.join(MAG)}")
+    last = None
+    for line, numbers in table.rows((TIME, *GYRO, *ACCEL), (*MAG, *extra)):
+        t, gx, gy, gz, ax, ay, az, *others = numbers
+        mx, my, mz, *rest = others
+        assert t is not None  # needed columns are never None
+        assert gx is not None and gy is not None and gz is not None
+        assert ax is not None and ay is not None and az is not None
+        if last is not None and t < last:
+            table.fail(line, f"time goes back: {TIME} is {t:g} after {last:g}")
+        last = t
+        field = None
+        if mx is not None and my is not None and mz is not None:
+            field = (mx * MICROTESLA, my * MICROTESLA, mz * MICROTESLA)
+        yield ImuRow(line, t, (gx, gy, gz), (ax, ay, az), field, tuple(rest))
+
+
+def _open(file: Path) -> io.TextIOWrapper:
+    stream = file.open("rb")
+    packed = stream.peek(2)[:2] == GZIP_MAGIC
+    data = gzip.GzipFile(fileobj=stream) if packed else stream
+    return io.TextIOWrapper(data, encoding="utf-8-sig", newline="")
