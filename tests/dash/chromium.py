@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import shutil
@@ -61,7 +60,7 @@ class Chromium:
         self._number += 1
         self._socket.send(json.dumps({"id": self._number, "method": method, "params": params}))
         while True:
-            said = json.loads(self._socket.recv(timeout=20.0))
+            said = json.loads(self._socket.recv(timeout=60.0))
             if said.get("id") == self._number:
                 assert "error" not in said, said
                 return dict(said["result"])
@@ -85,7 +84,7 @@ class Chromium:
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
-    def comes_true(self, script: str, seconds: float = 10.0) -> bool:
+    def comes_true(self, script: str, seconds: float = 30.0) -> bool:
         """Whether an expression comes true within the time."""
         return eventually(lambda: bool(self.run(script)), seconds, 0.05)
 
@@ -109,11 +108,6 @@ class Chromium:
         """Press or let go a key."""
         kind = "rawKeyDown" if down else "keyUp"
         self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
-
-    def picture(self, file: Path) -> None:
-        """Write what is seen as a PNG."""
-        shot = self.call("Page.captureScreenshot", format="png")
-        file.write_bytes(base64.b64decode(shot["data"]))
 
     def close(self) -> None:
         self._connecting.__exit__(None, None, None)

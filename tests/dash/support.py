@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 from websockets.asyncio.client import ClientConnection, connect
 
 from lodeline.bus import Client
-from lodeline_msgs import DecodeError, Message, class_of, unpack
+from lodeline_msgs import DecodeError, class_of, unpack
 from tests.support.live import ROOT, Up, environment
 
 
@@ -88,7 +88,7 @@ class Reader:
     async def say(self, **message: Any) -> None:
         await self.socket.send(json.dumps(message))
 
-    async def hear(self, kind: str, seconds: float = 5.0) -> dict[str, Any]:
+    async def hear(self, kind: str, seconds: float = 20.0) -> dict[str, Any]:
         """The next message of a kind; frames are not confirmed."""
         async with asyncio.timeout(seconds):
             while True:
@@ -126,8 +126,3 @@ def with_reader(port: int, talk: Callable[[Reader], Any], token: str = "") -> An
             return await talk(reader)
 
     return asyncio.run(run())
-
-
-def fields(message: Message, names: tuple[str, ...]) -> list[float]:
-    """Some numbers of a message."""
-    return [float(getattr(message, name)) for name in names]

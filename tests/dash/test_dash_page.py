@@ -15,8 +15,8 @@ from tests.dash.support import Dash, Ear
 from tests.support.live import ROOT, Up, eventually
 
 MINUS = "\u2212"
-STATE = "document.documentElement.dataset.state"
-LIVE = f"{STATE} === 'live' && document.getElementById('x').textContent.length > 3"
+STATE = "document.documentElement?.dataset.state"
+LIVE = f"{STATE} === 'live' && document.getElementById('x')?.textContent.length > 3"
 SHOWN = """(() => {
   const text = (id) => document.getElementById(id).textContent;
   const {seq} = document.getElementById('pose').dataset;
@@ -41,7 +41,7 @@ def page(chromium: Chromium, dash: Dash) -> Iterator[Chromium]:
 
 def test_the_pose_shown_is_the_one_that_zenoh_carried(page: Chromium, up: Up) -> None:
     ear = Ear(up, "pose")
-    assert eventually(lambda: len(ear.all("pose")) > 20)
+    assert eventually(lambda: len(ear.all("pose")) > 20, 30.0)
     compared = set()
     for _ in range(200):
         seq, x, y, yaw, bound = page.run(SHOWN)
@@ -80,7 +80,7 @@ def test_the_graph_shows_the_rates_and_ages_that_nodes_report(page: Chromium, da
 
 def test_health_is_told_by_word_and_mark_not_by_colour_alone(page: Chromium) -> None:
     words = "[...document.querySelectorAll('#graph .word')].map((t) => t.textContent)"
-    assert page.comes_true(f"{words}.every((t) => /^[●▲✕] [a-z]/.test(t))")
+    assert page.comes_true(f"{words}.length === 9 && {words}.every((t) => /^[●▲✕] [a-z]/.test(t))")
 
 
 def test_map_and_plots_are_drawn(page: Chromium) -> None:
@@ -100,12 +100,12 @@ def test_map_and_plots_are_drawn(page: Chromium) -> None:
 
 def test_pause_stands_still_and_scrubbing_goes_back(page: Chromium, up: Up) -> None:
     ear = Ear(up, "pose")
-    assert eventually(lambda: len(ear.all("pose")) > 250)
+    assert eventually(lambda: len(ear.all("pose")) > 250, 30.0)
     page.run("document.getElementById('pause').click()")
     assert page.comes_true("document.getElementById('when').textContent !== 'now'")
     still = page.run(f"new Promise((done) => setTimeout(() => done({SHOWN}), 150))")
     heard = len(ear.all("pose"))
-    assert eventually(lambda: len(ear.all("pose")) > heard + 50)
+    assert eventually(lambda: len(ear.all("pose")) > heard + 50, 30.0)
     assert page.run(SHOWN) == still
     page.run("""(() => {
       const scrub = document.getElementById('scrub');
@@ -127,17 +127,17 @@ def test_pause_stands_still_and_scrubbing_goes_back(page: Chromium, up: Up) -> N
 def test_arrow_keys_drive_and_letting_go_stops(page: Chromium, up: Up) -> None:
     ear = Ear(up, "truth")
     page.key("ArrowUp", down=True)
-    assert eventually(lambda: ear.newest("truth") and ear.newest("truth").v > 0.17)
+    assert eventually(lambda: ear.newest("truth") and ear.newest("truth").v > 0.17, 15.0)
     page.key("ArrowUp", down=False)
-    assert eventually(lambda: abs(ear.newest("truth").v) < 0.01, 3.0)
+    assert eventually(lambda: abs(ear.newest("truth").v) < 0.01, 15.0)
     page.key("ArrowLeft", down=True)
-    assert eventually(lambda: ear.newest("truth").w > 1.2, 3.0)
+    assert eventually(lambda: ear.newest("truth").w > 1.2, 15.0)
     assert abs(ear.newest("truth").v) < 0.02
     page.run("window.dispatchEvent(new Event('blur'))")
-    assert eventually(lambda: abs(ear.newest("truth").w) < 0.05, 3.0)
+    assert eventually(lambda: abs(ear.newest("truth").w) < 0.05, 15.0)
     page.key("ArrowLeft", down=False)
     page.run("document.getElementById('drive-toggle').click()")
-    assert eventually(lambda: ear.newest("truth").v > 0.08, 5.0), "back on its course"
+    assert eventually(lambda: ear.newest("truth").v > 0.08, 20.0), "back on its course"
     ear.close()
 
 
@@ -151,6 +151,7 @@ def test_a_page_without_the_token_shows_no_wheel_and_no_restart(
     assert chromium.comes_true(LIVE)
     assert chromium.run("document.getElementById('access').textContent") == "read-only"
     assert chromium.run("document.getElementById('drive').hidden")
+    assert chromium.comes_true("document.querySelector('.node') !== null")
     chromium.run("document.querySelector('.node').dispatchEvent(new Event('click'))")
     assert chromium.run("document.getElementById('detail').open")
     assert chromium.run("document.getElementById('restart').hidden")
@@ -165,6 +166,7 @@ def test_the_token_leaves_the_address_and_survives_a_reload(page: Chromium, dash
 
 def test_a_node_opens_by_keyboard_and_tells_what_it_is(page: Chromium, up: Up) -> None:
     pid = up.ps()["ekf"]["pid"]
+    assert page.comes_true("document.querySelector('#graph [data-node=ekf]') !== null")
     page.run("document.querySelector('#graph [data-node=ekf]').focus()")
     page.call("Input.dispatchKeyEvent", type="keyDown", key="Enter", code="Enter", text="\r")
     page.call("Input.dispatchKeyEvent", type="keyUp", key="Enter", code="Enter")
@@ -269,11 +271,11 @@ def test_a_gateway_that_dies_shows_and_its_successor_is_found(chromium: Chromium
     chromium.open(first.url)
     assert chromium.comes_true(LIVE)
     first.kill()
-    assert chromium.comes_true(f"{STATE} === 'disconnected'", 3.0)
+    assert chromium.comes_true(f"{STATE} === 'disconnected'", 15.0)
     assert "DISCONNECTED" in chromium.run("document.getElementById('alarm').textContent")
     assert chromium.run("document.getElementById('drive').hidden")
     second = Dash(up, "--port", str(first.port))
-    assert chromium.comes_true(LIVE, 5.0)
+    assert chromium.comes_true(LIVE, 15.0)
     assert chromium.run("document.getElementById('alarm').hidden")
     assert chromium.run("document.getElementById('access').textContent") == "read-only"
     chromium.open("about:blank")
@@ -286,12 +288,12 @@ def test_a_pipeline_that_stops_shows_and_its_next_run_is_found(chromium: Chromiu
         chromium.open(dash.url)
         assert chromium.comes_true(LIVE)
         first.stop()
-        assert chromium.comes_true(f"{STATE} === 'gone'", 5.0)
+        assert chromium.comes_true(f"{STATE} === 'gone'", 15.0)
         alarm = chromium.run("document.getElementById('alarm').textContent")
         assert "DISCONNECTED" in alarm
         assert "lodeline up" in alarm
         with Up(ROOT / "pipeline.yaml", base=first.run):
-            assert chromium.comes_true(LIVE, 5.0)
+            assert chromium.comes_true(LIVE, 15.0)
             assert chromium.comes_true("!document.getElementById('drive').hidden")
             shown = chromium.run(SHOWN)
             assert chromium.comes_true(f"{SHOWN}[0] !== {shown[0]}")

@@ -1,18 +1,19 @@
 // The page: takes what the gateway sends, and draws what has changed.
 
 import { $, NONE, degrees, duration, el, fixed, put, readColours, svg, wrapped } from "./dom.js";
+import { CloseUp } from "./closeup.js";
 import { Drive } from "./drive.js";
 import { Graph } from "./graph.js";
 import { healthOf, nodesOf } from "./health.js";
 import { Compass, Horizon } from "./instruments.js";
 import { Log } from "./log.js";
-import { CloseUp, FloorMap } from "./map.js";
+import { FloorMap } from "./map.js";
 import { Detail, NodeTable } from "./nodes.js";
 import { Plots } from "./plots.js";
 import { Line } from "./socket.js";
 import { Store } from "./store.js";
 
-const PLOTS_MS = 160;
+const PLOTS_MS = 250;
 const NOTE_MS = 5000;
 const STALE_S = 1;
 
@@ -172,8 +173,7 @@ function hold(back) {
 let plotted = 0;
 function draw(time) {
   requestAnimationFrame(draw);
-  const plotsDue = dirty || plotted === 0;
-  if (!plotsDue) return;
+  if (!dirty) return;
   dirty = false;
   const frame = store.shown;
   map.draw(store);

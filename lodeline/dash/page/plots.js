@@ -181,17 +181,35 @@ function line(c, plot, [, colour, dash], values, frames, x, y, range) {
   c.setLineDash(dash);
   c.beginPath();
   let last;
+  let column; // what falls into one pixel is drawn as its first, least, greatest and last
+  const flush = () => {
+    if (!column) return;
+    for (const value of [column.first, column.low, column.high, column.last]) c.lineTo(column.x, y(value));
+    column = undefined;
+  };
   values.forEach((value, i) => {
     if (value === undefined || value === null) {
+      flush();
       last = undefined;
       return;
     }
     const shown = plot.log ? Math.max(value, range[0]) : value;
+    const px = Math.round(x(frames[i].at));
     const broken = last === undefined || (plot.turns && Math.abs(value - last) > plot.turns / 2);
-    if (broken) c.moveTo(x(frames[i].at), y(shown));
-    else c.lineTo(x(frames[i].at), y(shown));
+    if (broken) {
+      flush();
+      c.moveTo(px, y(shown));
+    }
+    if (column?.x !== px) {
+      flush();
+      column = { x: px, first: shown, low: shown, high: shown };
+    }
+    column.low = Math.min(column.low, shown);
+    column.high = Math.max(column.high, shown);
+    column.last = shown;
     last = value;
   });
+  flush();
   c.stroke();
   c.setLineDash([]);
 }
