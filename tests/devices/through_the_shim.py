@@ -14,7 +14,10 @@ def main(fifo: bool) -> None:
     bus = open_bus(9)
     board = ImuBoard(bus, time.monotonic, MpuParams(fifo=fifo))
     encoders, bar = Encoders(bus), ReedBar(bus)
-    samples, fields, counts, reeds = [], [], [], []
+    samples: list[tuple[int, tuple[float, float, float]]] = []
+    fields: list[tuple[float, float, float] | None] = []
+    counts: list[tuple[int, int] | None] = []
+    reeds: list[int | None] = []
     enough = 900 if fifo else 80
     begin = now = time.monotonic()
     while now < begin + 1.5 or (len(samples) < enough and now < begin + 15.0):
