@@ -14,6 +14,7 @@ M = TypeVar("M", bound=Message)
 
 MOST_LOST = 1_000_000
 """A number further ahead than this was not lost on the way: somebody counts differently."""
+MOST_HELD = 4096
 ASK_AGAIN_NS = 1_000_000_000
 
 
@@ -43,17 +44,18 @@ class Inlet(Generic[M]):
         may_send: Callable[[str], bool] = anybody,
     ) -> None:
         self.key = key
+        self.message = message
         self.received = 0
         self.lost = 0
         self.late = 0
         self.last_error = ""
         self._ages: list[float] = []
-        self._message = message
         self._limit = None if max_age is None else int(max_age * 1e9)
         self._clock = clock
         self._reject = reject
         self._deliver = deliver
         self._may_send = may_send
+        self._held: list[tuple[bytes, str]] | None = None
         self._source = ""
         self._stranger: str | None = None
         self._ask_again = 0
@@ -62,12 +64,19 @@ class Inlet(Generic[M]):
         self._refused = 0
         self._late_before = 0
 
-    def take(self, data: bytes, source: str = "") -> None:
-        """One sample from the bus, sent by the session `source`; whatever it is, this returns."""
+    def take(self, data: bytes, source: str = "", missed: bool = False) -> None:
+        """One sample from the bus, sent by the session `source`; whatever it is, this returns.
+
+        One that a predecessor of the node `missed` may be of any age.
+        """
+        if self._held is not None:
+            if len(self._held) < MOST_HELD:
+                self._held.append((data, source))
+            return
         if source != self._source and not self._changes_hands(source):
             return
         try:
-            message = unpack(data, self._message)
+            message = unpack(data, self.message)
         except DecodeError as error:
             self._refuse("undecodable", str(error))
             return
@@ -79,12 +88,32 @@ class Inlet(Generic[M]):
             return
         if not self._in_order(message.seq, stamp):
             return
-        self._ages.append(age * 1e-9)
-        if limit is not None and age > limit:
-            self.late += 1
-            return
+        if not missed:
+            self._ages.append(age * 1e-9)
+            if limit is not None and age > limit:
+                self.late += 1
+                return
         self.received += 1
         self._deliver(message)
+
+    def hold(self) -> None:
+        """Let samples wait from now on."""
+        self._held = []
+
+    def let_go(self) -> list[tuple[bytes, str]]:
+        """The samples that waited and their senders; from now on they are taken."""
+        held, self._held = self._held or [], None
+        return held
+
+    @property
+    def waiting(self) -> bool:
+        """Whether samples wait."""
+        return bool(self._held)
+
+    @property
+    def newest(self) -> int:
+        """The stamp [ns] of the last sample that was in order, 0 if there was none."""
+        return self._last_stamp
 
     def _changes_hands(self, source: str) -> bool:
         """Whether samples may come from another process than before; its numbers start anew."""

@@ -5,6 +5,9 @@ The file lies in the run folder, is replaced as a whole, and outlives the proces
 
 from __future__ import annotations
 
+import sys
+import zlib
+from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -15,35 +18,50 @@ from lodeline.node import Node
 
 
 class Keepsake:
-    """The state file of one node: `store` it now and then, `restore` it once at the start."""
+    """The state file of one node: `store` it now and then, `restore` it once at the start.
+
+    With the state go marks: the stamp [ns] of the newest sample in it, by key.
+    """
 
     def __init__(self, node: Node[Any], folder: Path) -> None:
         self._node = node
         self._file = folder / f"{node.context.name}.msgpack"
         self._stored = b""
 
-    def store(self) -> None:
+    def store(self, marks: Mapping[str, int]) -> None:
         """Write the node's state if it has one and it changed."""
         state = self._node.save()
         if state is None:
             return
-        data = msgpack.packb(asdict(state))
+        data = msgpack.packb([asdict(state), dict(marks)])
         if data != self._stored:
             self._stored = data
             part = self._file.with_suffix(".part")
-            part.write_bytes(data)
+            part.write_bytes(zlib.crc32(data).to_bytes(4, "little") + data)
             part.replace(self._file)
 
-    def restore(self) -> bool:
-        """Hand the state on file to the node; whether there was one it could take."""
+    def restore(self) -> dict[str, int] | None:
+        """Hand the state on file to the node; its marks, or None if there was none to take."""
         kind = type(self._node).State
         if kind is None or not self._file.exists():
-            return False
+            return None
         try:
-            values = msgpack.unpackb(self._file.read_bytes(), use_list=False)
+            values, marks = _checked(self._file.read_bytes())
             state = kind(**{item.name: values[item.name] for item in fields(kind)})
             self._node.resume(state)
-        except (ValueError, KeyError, TypeError) as error:
-            print(f"STATE_LOST {self._file.name}: {error}; starting afresh", flush=True)
-            return False
-        return True
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            text = f"STATE_LOST {self._node.context.name}: {error}; starting afresh"
+            print(text, file=sys.stderr, flush=True)
+            return None
+        return dict(marks)
+
+    def forget(self) -> None:
+        """The successor is to start afresh: this state may be what is wrong."""
+        self._file.unlink(missing_ok=True)
+
+
+def _checked(data: bytes) -> tuple[dict[str, Any], dict[str, int]]:
+    if zlib.crc32(data[4:]).to_bytes(4, "little") != data[:4]:
+        raise ValueError("its checksum does not fit")
+    values, marks = msgpack.unpackb(data[4:], use_list=False)
+    return values, marks

@@ -25,6 +25,7 @@ from lodeline.inlet import Inlet, anybody
 from lodeline.keepsake import Keepsake
 from lodeline.launch import VARIABLE, Launch, NodeLaunch
 from lodeline.loading import load_node
+from lodeline.missed import Missed, Recent, recent_key
 from lodeline.node import Context, Driver, Node
 from lodeline.notify import Notifier
 from lodeline.orders import Orders
@@ -62,29 +63,35 @@ class NodeProcess:
             {item.name: item.outputs for item in launch.nodes},
             self._handler_failed,
         )
-        self.keepsakes = [Keepsake(node, folder / "state") for node in self.nodes.values()]
-        if launch.restarts:
-            for keepsake in self.keepsakes:
-                keepsake.restore()
+        self.keepsakes = {
+            name: Keepsake(node, folder / "state") for name, node in self.nodes.items()
+        }
+        marks = {name: item.restore() for name, item in self.keepsakes.items() if launch.restarts}
+        self.missed = Missed()
         self.bus = Peer(folder, launch.process)
         self.publishers: dict[str, Publisher] = {}
         self.status = StatusReporter(self.launch, self.nodes, self.bus)
         self.gossip = Gossip()
         for item in launch.nodes:
-            self._connect(item)
+            self._connect(item, marks.get(item.name))
         self.tickers = [
             Ticker(node, HostClock(launch.epoch_offset), self.lock, self._ticking_failed)
             for node in self.nodes.values()
             if isinstance(node, Driver)
         ]
 
-    def _connect(self, item: NodeLaunch) -> None:
+    def _connect(self, item: NodeLaunch, marks: Mapping[str, int] | None) -> None:
+        """Lay the wires of a node; `marks` if it was restored, see `Keepsake`."""
         node = self.nodes[item.name]
         for port, key in item.outputs.items():
             message = type(node).outputs()[port].message
             publisher = self.bus.publisher(key, encoding_of(message))
             self.publishers[key] = publisher
             self.graph.tap(key, self.status.outlet(item.name, publisher, item.rates.get(port)))
+            if port in item.awaited:
+                recent = Recent(self.bus.id)
+                self.graph.tap(key, recent.tap)
+                self.bus.serve(recent_key(key), recent.answer)
         for port, edge in item.inputs.items():
             if edge.key in self.graph.sent:
                 continue  # a neighbour in this process hands it over directly
@@ -97,6 +104,8 @@ class NodeProcess:
                 self.graph.ports[item.name, port],
                 self._is_neighbour if port in item.guarded else anybody,
             )
+            if marks is not None and port in item.guarded:
+                self.missed.hold(inlet, marks.get(edge.key, 0))
             self.status.watch(item.name, inlet)
             self.bus.subscribe_from(edge.key, edge.queue, self._taker(inlet))
 
@@ -116,6 +125,7 @@ class NodeProcess:
         text = "".join(traceback.format_exception(error)).rstrip()
         print(f"EXCEPTION {name}: {error!r} at {message}\n{text}", file=sys.stderr, flush=True)
         if self.graph.failing[name] >= MAX_FAILURES:
+            self.keepsakes[name].forget()
             self._give_up(name, f"{MAX_FAILURES} exceptions in a row")
 
     def _ticking_failed(self, node: Node[Any], error: BaseException, in_a_row: int) -> None:
@@ -139,11 +149,13 @@ class NodeProcess:
         next_status = started + STATUS_S
         while not (orders.stop or self.failed.is_set()):
             # While wires are being laid, look often: the whole pipeline waits for the last one.
-            laying = not linked and time.monotonic() - started < LAYING_S
+            laying = (not linked and time.monotonic() - started < LAYING_S) or bool(self.missed)
             orders.wait(0.01 if laying else BEAT_S)
             if not linked and self._linked():
                 linked = True
                 notifier.send("LINKED=1")
+            if self.missed.due():
+                self._catch_up()
             if orders.go:
                 orders.go = False
                 for ticker in self.tickers:
@@ -156,6 +168,10 @@ class NodeProcess:
         notifier.send("STOPPING=1")
         self._close()
         return self.exit_code
+
+    def _catch_up(self) -> None:
+        count = self.missed.catch_up(self.bus.ask, self.lock, self.status.mute)
+        print(f"CAUGHT_UP with {count} samples of the time between", file=sys.stderr, flush=True)
 
     def _report(self, notifier: Notifier) -> None:
         """The status on the bus, in a word to the supervisor, and what is new of it on the log."""
@@ -174,8 +190,9 @@ class NodeProcess:
         if not self.lock.acquire(timeout=BEAT_S):
             return False
         try:
-            for keepsake in self.keepsakes:
-                keepsake.store()
+            if not self.missed:
+                for name, keepsake in self.keepsakes.items():
+                    keepsake.store({i.key: i.newest for i in self.status.inlets(name)})
         finally:
             self.lock.release()
         return self.bus.alive() and all(ticker.alive() for ticker in self.tickers)

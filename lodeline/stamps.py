@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-MAX_STEP_S = 1.0
-
 
 def seconds(stamp: int) -> float:
     """A stamp in seconds, good to a quarter of a microsecond for today's dates."""
@@ -13,8 +11,8 @@ def seconds(stamp: int) -> float:
 class Steps:
     """Time steps of a row of samples.
 
-    A sample that is no newer than the one before gives None and changes nothing; a gap longer
-    than `MAX_STEP_S`, and the first sample, give 0: nobody knows what happened in between.
+    A sample that is no newer than the one before gives None and changes nothing; the first gives
+    0. A hole gives its whole length: what is to be made of it is for the filter to say.
     """
 
     def __init__(self) -> None:
@@ -26,5 +24,4 @@ class Steps:
         if last is not None and stamp <= last:
             return None
         self.last = stamp
-        step = 0.0 if last is None else (stamp - last) * 1e-9
-        return step if step <= MAX_STEP_S else 0.0
+        return 0.0 if last is None else (stamp - last) * 1e-9

@@ -22,10 +22,11 @@ LONGEST_TEXT = 500
 class Outlet:
     """Puts what a node sends on the bus; packs only while somebody listens."""
 
-    __slots__ = ("_pace", "bytes", "last", "publisher", "sent", "total")
+    __slots__ = ("_pace", "bytes", "last", "muted", "publisher", "sent", "total")
 
     def __init__(self, publisher: Publisher, expected: float | None = None) -> None:
         self.publisher = publisher
+        self.muted = False
         self.sent = 0
         self.total = 0
         self.bytes = 0
@@ -35,6 +36,8 @@ class Outlet:
             self._pace = Pace(publisher.key, expected, time.monotonic())
 
     def __call__(self, message: Message) -> None:
+        if self.muted:
+            return
         self.sent += 1
         self.last = time.monotonic()
         if self.publisher.watched:
@@ -77,6 +80,16 @@ class StatusReporter:
         outlet = Outlet(publisher, expected)
         self._outlets[node].append(outlet)
         return outlet
+
+    def mute(self, muted: bool) -> None:
+        """Keep what all nodes send off the bus, or no more."""
+        for outlets in self._outlets.values():
+            for outlet in outlets:
+                outlet.muted = muted
+
+    def inlets(self, node: str) -> list[Inlet[Any]]:
+        """The inputs of a node that are reported on."""
+        return self._inlets[node]
 
     def watch(self, node: str, inlet: Inlet[Any]) -> None:
         """Report the counters of an input of a node."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
 
 from lodeline.attitude import METHODS
 from lodeline.attitude.compass import CompassParams, TiltCompassParams
@@ -33,9 +33,18 @@ class AttitudeNodeParams:
     complementary: ComplementaryParams = field(default_factory=ComplementaryParams)
 
 
-class AttitudeNode(Node[AttitudeNodeParams]):
-    """Starts at once from gravity and north, so a restart costs no time."""
+@dataclass(frozen=True, slots=True)
+class AttitudeNodeState:
+    """Stamp [ns] of the last sample, and the fields of the method's own state in their order."""
 
+    stamp: int | None
+    values: tuple[Any, ...]
+
+
+class AttitudeNode(Node[AttitudeNodeParams]):
+    """Starts at once from gravity and north; after a crash, from where its predecessor stood."""
+
+    State = AttitudeNodeState
     data = Input(Imu, queue=32, max_age=0.25)
     mag = Input(MagneticField, queue=4, max_age=0.25)
     attitude = Output(AttitudeEstimate)
@@ -70,6 +79,15 @@ class AttitudeNode(Node[AttitudeNodeParams]):
                 self.filter.disturbed,
             )
         )
+
+    def save(self) -> AttitudeNodeState:
+        state = self.filter.state
+        values = tuple(getattr(state, item.name) for item in fields(state))
+        return AttitudeNodeState(self.steps.last, values)
+
+    def resume(self, state: AttitudeNodeState) -> None:
+        self.filter.resume(self.filter.State(*state.values))
+        self.steps.last = state.stamp
 
 
 if __name__ == "__main__":
