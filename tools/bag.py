@@ -79,7 +79,7 @@ def parser() -> argparse.ArgumentParser:
 
     verb = verbs.add_parser("export", help="one CSV table for each key")
     verb.add_argument("file", type=Path)
-    verb.add_argument("--csv", type=Path, required=True, metavar="DIR")
+    verb.add_argument("--csv", type=Path, required=True, metavar="DIR", help="folder for them")
     verb.set_defaults(verb=_export)
 
     verb = verbs.add_parser("recover", help="save what is whole of a damaged recording")
@@ -90,7 +90,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _output(verb: argparse.ArgumentParser, required: bool = True) -> None:
-    default = None if required else "default: PIPELINE-DATE-TIME.mcap here"
+    default = "the new recording" + ("" if required else " (default: PIPELINE-DATE-TIME.mcap)")
     verb.add_argument(
         "-o", "--output", type=Path, required=required, metavar="OUT.mcap", help=default
     )
