@@ -32,10 +32,11 @@ def main(argv: list[str]) -> int:
     for item in here:
         manifest = item.manifest
         answers = _ask(item.folder, f"{manifest.name}/@ps/*")
-        for host, report in answers.items():
+        for host, report in answers:
             known = {"pipeline": manifest.name, "host": host}
-            reports[f"{manifest.name}@{host}"] = known | report
-        if manifest.host not in answers:
+            # Two machines may claim one host: both are shown.
+            reports[f"{manifest.name}@{host} {report['pid']}"] = known | report
+        if manifest.host not in {host for host, _ in answers}:
             silent = True
             who = f"{manifest.name}@{manifest.host}"
             print(f"{who}: its supervisor, pid {manifest.pid}, is silent", file=sys.stderr)
@@ -58,15 +59,15 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _ask(folder: Path, key: str) -> dict[str, dict[str, Any]]:
-    """Reports by host of all supervisors that this hub can reach."""
+def _ask(folder: Path, key: str) -> list[tuple[str, dict[str, Any]]]:
+    """(host, report) of all supervisors that this hub can reach."""
     from lodeline.bus import BusError, query
 
     try:
         answers = query(folder, key, TIMEOUT_S)
     except BusError:
-        return {}
-    return {key.rpartition("/")[2]: json.loads(data) for key, data in answers}
+        return []
+    return [(key.rpartition("/")[2], json.loads(data)) for key, data in answers]
 
 
 def _shown(report: dict[str, Any]) -> str:

@@ -87,7 +87,7 @@ def _seconds(text: str) -> float:
 
 def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: float) -> int:
     """Run the share of a host, linked with the others, or all hosts by this machine alone."""
-    from lodeline.bus import Hub
+    from lodeline.bus import Gateway, Hub
     from lodeline.clock import epoch_offset
     from lodeline.hosts.links import Link, LinkError, check_listen, link_of, shown
     from lodeline.hosts.neighbours import Neighbours
@@ -121,7 +121,8 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                 console.event(f"up in {elapsed:.1f} s: {size}")
                 console.event("look: `lodeline topic hz`, `lodeline ps`; stop: Ctrl-C")
 
-            hub = Hub(run.path, link)
+            hub = Hub(run.path)
+            gateway = Gateway(run.path, link) if link.ends else None
             others = tuple(each for each in pipeline.hosts if link.ends and each != host)
             share = share_of(pipeline, hosts, manifest.host, shown(link.listen))
             neighbours = Neighbours(hub, share, others, console.event)
@@ -145,6 +146,8 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             finally:
                 book.close()
                 neighbours.close()
+                if gateway is not None:
+                    gateway.close(timeout=1.0)
                 hub.close(timeout=1.0)
         finally:
             console.close()

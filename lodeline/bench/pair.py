@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated, Self
@@ -55,7 +56,7 @@ class Ear:
     """Listens to a key at a host's hub, as a tool would; `work` [s] is spent on each sample."""
 
     def __init__(
-        self, client: Client, key: str, kind: str, queue: int = 16, work: float = 0.0
+        self, client: Client, key: str, kind: str, queue: int = 256, work: float = 0.0
     ) -> None:
         self._kind = MESSAGES[kind]
         self._clock = HostClock(epoch_offset())
@@ -82,17 +83,20 @@ class Ear:
 
     def between(self, begin: float, end: float) -> Heard:
         """What was heard between two instants [s, monotonic]."""
-        heard = [sample for sample in list(self.samples) if begin <= sample[0] < end]
+        samples = [sample for sample in list(self.samples) if sample[0] < end]
+        heard = [sample for sample in samples if sample[0] >= begin]
         ages = sorted(age for _, _, age in heard) or [float("nan")]
         instants = [begin, *(at for at, _, _ in heard), end]
-        lost = heard[-1][1] - heard[0][1] + 1 - len(heard) if heard else 0
+        # Counted from the last one before, so that a silence at the beginning counts.
+        known = samples[-len(heard) - 1 :]
+        lost = known[-1][1] - known[0][1] + 1 - len(known) if heard else 0
         return Heard(
             received=len(heard),
             lost=lost,
             p50=ages[len(ages) // 2],
             p99=ages[int(0.99 * len(ages))],
             oldest=ages[-1],
-            silence=max(b - a for a, b in zip(instants, instants[1:], strict=False)),
+            silence=max(b - a for a, b in pairwise(instants)),
         )
 
 
@@ -142,14 +146,14 @@ class Side:
 
 
 class Pair:
-    """`with Pair() as pair:` robot and laptop, up and linked; `pair.cable.fault` spoils the cable."""
+    """`with Pair() as pair:` robot and laptop up and linked; `pair.cable.fault` spoils the link."""
 
     def __init__(self, more: str = "") -> None:
         self._temporary = tempfile.TemporaryDirectory(prefix="ll", ignore_cleanup_errors=True)
         self._sides: list[Side] = []
         folder = Path(self._temporary.name)
-        self._machines = [Machine(), Machine()]
-        self.cable = Cable(*self._machines)
+        robot, laptop = self._machines = (Machine(), Machine())
+        self.cable = Cable(robot, laptop)
         file = folder / "pipeline.yaml"
         file.write_text(
             PIPELINE.format(address=self.cable.addresses[0], nodes=shipped("nodes"), more=more)

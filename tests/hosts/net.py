@@ -34,15 +34,21 @@ class Host(Up):
         self.machine = machine
         self.name = name
 
-    def reports(self) -> dict[str, dict[str, Any]]:
-        """What `lodeline ps --json` says here, by host."""
+    def ask(self) -> list[dict[str, Any]]:
+        """What `lodeline ps --json` says here."""
         result = self.call("ps", "--json")
         assert result.returncode == 0, result.stderr
-        return {report["host"]: report for report in json.loads(result.stdout)}
+        reports: list[dict[str, Any]] = json.loads(result.stdout)
+        return reports
+
+    def reports(self) -> dict[str, dict[str, Any]]:
+        """The same by host."""
+        return {report["host"]: report for report in self.ask()}
 
     def links(self) -> dict[str, dict[str, Any]]:
         """What this host itself says of the others."""
-        return {link["host"]: link for link in self.reports()[self.name]["links"]}
+        (own,) = [report for report in self.ask() if report["pid"] == self.process.pid]
+        return {link["host"]: link for link in own["links"]}
 
     def linked(self, other: str) -> bool:
         return bool(self.links()[other]["state"] == "linked")

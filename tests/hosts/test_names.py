@@ -52,10 +52,12 @@ def test_a_second_laptop_of_the_same_name_is_refused_with_the_first(net: Net) ->
 BRIDGE = """
 import sys
 from pathlib import Path
-from lodeline.bus import Hub
+from lodeline.bus import Gateway, Hub
 from lodeline.hosts.links import Link, endpoint
-hub = Hub(Path(sys.argv[1]), Link(connect=tuple(endpoint(end) for end in sys.argv[2:])))
+hub = Hub(Path(sys.argv[1]))
+line = Gateway(Path(sys.argv[1]), Link(connect=tuple(endpoint(end) for end in sys.argv[2:])))
 sys.stdin.read()
+line.close()
 hub.close()
 """
 
