@@ -158,7 +158,7 @@ function showHeld() {
   const back = store.held === null ? 0 : store.newest.at - store.held;
   $("pause").setAttribute("aria-pressed", String(store.held !== null));
   put($("pause"), store.held === null ? "Pause" : "Go on");
-  put($("when"), store.held === null ? "now" : `\u2212${fixed(back, 1)} s`);
+  put($("when"), store.held === null ? "now" : back < 0.05 ? "paused" : `\u2212${fixed(back, 1)} s`);
   $("scrub").value = String(-back);
   $("scrub").setAttribute("aria-valuetext", store.held === null ? "now" : `${fixed(back, 1)} seconds ago`);
 }

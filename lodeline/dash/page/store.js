@@ -16,19 +16,22 @@ export class Store {
     this.frames = [];
     this.statuses = [];
     this.held = null; // seconds at which the time stands still
+    this.waiting = []; // frames that came in meanwhile
     this.roles = scene ? rolesOf(scene) : {};
   }
 
   addFrame(frame) {
-    const last = this.frames.at(-1);
+    const frames = this.held === null ? this.frames : this.waiting;
+    const last = frames.at(-1);
     if (last && frame.n <= last.n) return;
-    this.frames.push(enriched(frame, this.roles));
-    while (this.frames[0].at < frame.at - PAST_S) this.frames.shift();
+    frames.push(enriched(frame, this.roles));
+    while (frames[0].at < frame.at - PAST_S) frames.shift();
   }
 
   addStatus(status) {
     this.statuses.push(status);
-    while (this.statuses[0].at < status.at - PAST_S - 2) this.statuses.shift();
+    const oldest = (this.held ?? status.at) - PAST_S - 2;
+    while (this.statuses[0].at < oldest) this.statuses.shift();
   }
 
   get newest() {
@@ -62,11 +65,16 @@ export class Store {
     return this.statuses.findLast((status) => status.at <= this.held) ?? this.statuses[0];
   }
 
-  // Stand still `back` seconds before the newest frame; 0 goes on.
+  // Stand still `back` seconds before the newest frame; 0 goes on. What is shown then stays for
+  // as long as somebody wants to talk about it.
   hold(back) {
     const newest = this.newest;
-    if (!newest || back <= 0) this.held = null;
-    else this.held = Math.max(this.frames[0].at, newest.at - back);
+    if (newest && back > 0) {
+      this.held = Math.max(this.frames[0].at, newest.at - back);
+      return;
+    }
+    this.held = null;
+    for (const frame of this.waiting.splice(0)) this.addFrame(frame);
   }
 }
 
