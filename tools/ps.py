@@ -1,6 +1,9 @@
 """Show the processes of running pipelines: state, restarts, cost.
 
-Exit codes: 0 shown, 1 a supervisor does not answer, 2 usage, 4 nothing runs.
+With --check it also says what is not well: a process that does not run, a node that is degraded
+or at fault, a rate that is off by more than a fifth, an output that is silent. Exit codes: 0 shown
+(with --check: all is well), 1 a supervisor does not answer, or something is not well, 2 usage,
+4 nothing runs, 5 a process has failed (with --check).
 """
 
 from __future__ import annotations
@@ -8,11 +11,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-EXIT_FAILED, EXIT_NOTHING = 1, 4
+EXIT_FAILED, EXIT_NOTHING, EXIT_DIED = 1, 4, 5
 TIMEOUT_S = 2.0
+WELL = ("running", "done")
 HEADINGS = ("PROCESS", "NODES", "STATE", "PID", "RESTARTS", "LAST EXIT", "UPTIME", "CPU", "RSS", "")
 RIGHT = ("PID", "RESTARTS", "UPTIME", "CPU", "RSS")
 
@@ -44,7 +49,22 @@ def main(argv: list[str]) -> int:
         print(json.dumps([reports[name] for name in sorted(reports)], indent=2))
     elif reports:
         print("\n\n".join(_shown(reports[name]) for name in sorted(reports)))
-    return EXIT_FAILED if silent else 0
+    worst = _check(reports.values()) if arguments.check else 0
+    return worst or (EXIT_FAILED if silent else 0)
+
+
+def _check(reports: Iterable[dict[str, Any]]) -> int:
+    """Say on standard error what is not well; the exit code."""
+    code = 0
+    for report in reports:
+        for process in report["processes"]:
+            name, state, status = process["process"], process["state"], process["status"]
+            if state not in WELL:
+                status = f"{state}, last exit {process['last_exit'] or 'none'}"
+            if status:
+                print(f"{report['pipeline']}@{report['host']} {name}: {status}", file=sys.stderr)
+                code = EXIT_DIED if state == "failed" else code or EXIT_FAILED
+    return code
 
 
 def parser() -> argparse.ArgumentParser:
@@ -55,6 +75,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--name", help="this pipeline only")
+    parser.add_argument("--check", action="store_true", help="exit with 1 unless all is well")
     parser.add_argument("--json", action="store_true", help="one JSON list on standard output")
     return parser
 

@@ -92,6 +92,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
     from lodeline.hosts.links import Link, LinkError, check_listen, link_of, shown
     from lodeline.hosts.neighbours import Neighbours
     from lodeline.hosts.share import share_of
+    from lodeline.notify import Notifier
     from lodeline.run_folder import RunFolder, marker_of
     from lodeline.supervisor.logbook import LogBook
     from lodeline.supervisor.logs import Console
@@ -120,6 +121,9 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                 elapsed = time.monotonic() - began
                 console.event(f"up in {elapsed:.1f} s: {size}")
                 console.event("look: `lodeline topic hz`, `lodeline ps`; stop: Ctrl-C")
+                service.send(f"READY=1\nSTATUS={size}")
+
+            service = Notifier()  # whoever started us, if it is systemd
 
             hub = Hub(run.path)
             gateway = Gateway(run.path, link) if link.ends else None
@@ -131,7 +135,12 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                     raise LinkError(why)
                 neighbours.claim()
                 supervisor = Supervisor(
-                    plans, run.path, console, [marker_of(run.path)], on_release=on_release
+                    plans,
+                    run.path,
+                    console,
+                    [marker_of(run.path)],
+                    on_release=on_release,
+                    on_beat=lambda: service.send("WATCHDOG=1"),
                 )
 
                 def report() -> bytes:

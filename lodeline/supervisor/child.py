@@ -160,6 +160,7 @@ class Child:
     async def _live(self) -> int:
         """From start to exit; the exit code, or minus the signal that ended it."""
         self.linked = False
+        self.status = ""
         self._ready_at = None
         try:
             process = self._spawn()

@@ -25,8 +25,9 @@ SAMPLE_S = 1.0
 class Supervisor:
     """Runs plans in a run folder: `asyncio.run(Supervisor(...).run())`, in the main thread.
 
-    `on_release()` is called once, when the sources are let go; `marks` are starts of
-    environment entries by which the guard knows whatever belongs to this run.
+    `on_release()` is called once, when the sources are let go; `on_beat()` once a second, as long
+    as the loop turns; `marks` are starts of environment entries by which the guard knows whatever
+    belongs to this run.
     """
 
     def __init__(
@@ -37,12 +38,14 @@ class Supervisor:
         marks: Sequence[str] = (),
         timing: Timing | None = None,
         on_release: Callable[[], None] = lambda: None,
+        on_beat: Callable[[], None] = lambda: None,
     ) -> None:
         self._plans = plans
         self._folder = folder
         self._console = console
         self._timing = timing or Timing()
         self._on_release = on_release
+        self._on_beat = on_beat
         self._environment = environment(os.environ)
         self.groups = Groups(marks, self._environment, console.event)
         self.children: list[Child] = []
@@ -172,6 +175,7 @@ class Supervisor:
                 child.check(now)
             if now - sampled >= SAMPLE_S:
                 sampled = now
+                self._on_beat()
                 for child in self.children:
                     child.sample(now)
 

@@ -1,0 +1,42 @@
+"""Passes wheel counts on and takes commands; trips over every so many samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lodeline.node import Input, Node, Output
+from lodeline_msgs import Twist, WheelTicks
+
+
+@dataclass(frozen=True, slots=True)
+class RelayParams:
+    """Every `trips` samples its handler raises, never if it is 0."""
+
+    trips: int = 0
+
+
+class Relay(Node[RelayParams]):
+    """`back` says what came on `wheels`, with the speed commanded last as its count."""
+
+    wheels = Input(WheelTicks, queue=64, max_age=0.5)
+    command = Input(Twist, queue=64, max_age=0.5)
+    back = Output(WheelTicks)
+
+    def setup(self) -> None:
+        self.speed = 0
+
+    @wheels.handler
+    def on_wheels(self, sample: WheelTicks) -> None:
+        if self.params.trips and sample.left % self.params.trips == 0:
+            raise ValueError(f"tripped over {sample.left}")
+        self.back.send(WheelTicks(sample.stamp, sample.left, self.speed))
+
+    @command.handler
+    def on_command(self, sample: Twist) -> None:
+        self.speed = int(sample.v)
+
+
+if __name__ == "__main__":
+    from lodeline.process import run
+
+    run(Relay)

@@ -1,0 +1,197 @@
+"""Claims about a pipeline with everything wrong in it: each fault is named, the rest goes on."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import pytest
+
+from lodeline.bus import Client
+from lodeline.watch import Watch
+from lodeline_msgs import NodeStatus, Twist, WheelTicks, encoding_of, pack, unpack
+from tests.faults.test_hostile_samples import BROKEN
+from tests.support.live import Up, eventually
+
+NODES = Path(__file__).parent / "nodes"
+PIPELINE = f"""
+name: faulty
+external: {{command: Twist}}
+nodes:
+  source: {{run: {NODES}/wheels.py, outputs: {{wheels: wheels}}, rate: {{wheels: 100}}}}
+  half:
+    run: {NODES}/wheels.py
+    outputs: {{wheels: half}}
+    params: {{rate: 50}}
+    rate: {{wheels: 100}}
+  mute:
+    run: {NODES}/wheels.py
+    outputs: {{wheels: mute}}
+    params: {{most: 300}}
+    rate: {{wheels: 100}}
+  relay:
+    run: {NODES}/relay.py
+    inputs: {{wheels: wheels, command: command}}
+    outputs: {{back: back}}
+  clumsy:
+    run: {NODES}/relay.py
+    inputs: {{wheels: wheels, command: command}}
+    outputs: {{back: clumsy}}
+    params: {{trips: 10}}
+  unfounded: {{run: {NODES}/unfounded.py, inputs: {{wheels: wheels}}}}
+"""
+
+
+class Rig:
+    """The pipeline, a listener to what the relay sends, and a way to send what nobody should."""
+
+    def __init__(self, up: Up, watch: Watch) -> None:
+        self.up = up
+        self.client = Client(up.folder)
+        self.watch = watch
+        self.back: list[WheelTicks] = []
+        self.client.subscribe("faulty/back", 1024, self._take)
+
+    def _take(self, _key: str, data: bytes, _encoding: str) -> None:
+        self.back.append(unpack(data, WheelTicks))
+
+    def status(self, node: str) -> NodeStatus:
+        return self.watch.statuses(10.0)[node]
+
+    def pids(self) -> dict[str, int]:
+        return {name: process["pid"] for name, process in self.up.ps().items()}
+
+    def publisher(self, key: str, message: type[Any]) -> Any:
+        publisher = self.client.publisher(f"faulty/{key}", encoding_of(message))
+        assert eventually(lambda: publisher.watched)
+        return publisher
+
+    def rejected(self, cause: str) -> int:
+        return self.status("relay").rejected.get(cause, 0)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    file = tmp_path_factory.mktemp("faulty") / "faulty.yaml"
+    file.write_text(PIPELINE)
+    with Up(file) as up, Watch(up.running) as watch:
+        made = Rig(up, watch)
+        yield made
+        made.client.close()
+
+
+def test_a_missing_library_is_named_and_its_node_given_up_while_the_others_go_on(rig: Rig) -> None:
+    assert eventually(lambda: rig.up.says("NODE_FAILED unfounded: exit 1"), 30.0)
+    assert rig.up.says("No module named 'a_library_that_nobody_has'")
+    processes = rig.up.ps()
+    assert processes["unfounded"]["state"] == "failed"
+    assert {name for name, process in processes.items() if process["restarts"]} == {"unfounded"}
+
+
+def test_check_names_what_is_not_well_and_exits_with_5_for_a_failed_process(rig: Rig) -> None:
+    said: list[str] = []
+
+    def all_named() -> bool:
+        result = rig.up.call("ps", "--check")
+        said[:] = [str(result.returncode), result.stderr]
+        wanted = (
+            r"faulty@\S+ half: RATE faulty/half: \d+\.\d Hz, 100 declared",
+            r"faulty@\S+ mute: NO_DATA faulty/mute: nothing for \d+\.\d s, 100 Hz declared",
+            r"faulty@\S+ unfounded: failed, last exit exit 1",
+            r"faulty@\S+ clumsy: EXCEPTIONS clumsy: \d+ in the last second, the last ValueError",
+        )
+        return result.returncode == 5 and all(re.search(line, said[1]) for line in wanted)
+
+    assert eventually(all_named, 20.0, 0.5), said
+    assert " relay: " not in said[1]
+
+
+def test_check_finds_nothing_wrong_where_all_is_well(tmp_path: Path) -> None:
+    file = tmp_path / "well.yaml"
+    well = "mute:", "half:", "clumsy:", "unfounded:"
+    head, *nodes = re.split(r"(?m)^(?=  \w+:)", PIPELINE.partition("nodes:\n")[2])
+    kept = [node for node in (head, *nodes) if not node.strip().startswith(well)]
+    file.write_text(PIPELINE.partition("nodes:\n")[0] + "nodes:\n" + "".join(kept))
+    with Up(file) as up:
+        assert eventually(lambda: up.call("ps", "--check").returncode == 0, 20.0, 0.5)
+        assert set(up.ps()) == {"source", "relay"}
+
+
+def test_an_exception_costs_its_sample_and_no_more(rig: Rig) -> None:
+    before = rig.status("clumsy")
+    assert eventually(lambda: rig.status("clumsy").seq >= before.seq + 2)
+    after = rig.status("clumsy")
+    assert after.pid == before.pid
+    assert after.state == "degraded"
+    tripped = after.rejected["exception"] - before.rejected["exception"]
+    taken = after.received["faulty/wheels"] - before.received["faulty/wheels"]
+    assert tripped == pytest.approx(taken / 10, abs=2)
+    assert rig.up.says("EXCEPTION clumsy: ValueError('tripped over ")
+    assert after.rates["faulty/clumsy"] > 0.0
+
+
+def test_a_foreign_sender_on_an_owned_key_is_seen_and_changes_nothing(rig: Rig) -> None:
+    foreign = rig.publisher("wheels", WheelTicks)
+    heard = len(rig.back)
+    for seq in range(50):
+        foreign.put(pack(WheelTicks(time.time_ns(), -1000, -1000, seq=10_000 + seq)))
+    assert eventually(lambda: rig.rejected("foreign") == 50), rig.status("relay").rejected
+    assert eventually(lambda: rig.up.says("REFUSED faulty/wheels: "))
+    assert eventually(lambda: len(rig.back) > heard + 50)
+    assert all(sample.left > 0 for sample in rig.back)
+    assert rig.status("relay").lost["faulty/wheels"] < 1000
+
+
+def test_a_corpus_of_broken_samples_is_counted_and_the_node_lives_on(rig: Rig) -> None:
+    commands = rig.publisher("command", Twist)
+    pids, before = rig.pids(), rig.rejected("undecodable")
+    broken = [data for data, _ in BROKEN.values() if len(data) < 1 << 20]
+    whole = {"stamp": time.time_ns(), "v": float("nan"), "w": 1.0}
+    for data in (*broken, msgpack.packb(whole), b"\xff" * 60_000):
+        commands.put(data)
+    count = len(broken) + 2
+    assert eventually(lambda: rig.rejected("undecodable") == before + count)
+    commands.put(pack(Twist(time.time_ns(), 7.0, 0.0, seq=1)))
+    assert eventually(lambda: rig.back[-1].right == 7)
+    assert rig.pids() == pids
+
+
+def test_ten_megabytes_reach_nobody_and_the_next_sample_does(rig: Rig) -> None:
+    pids, rss = rig.pids(), rig.status("relay").rss
+    commands = rig.publisher("command", Twist)
+    for _ in range(5):
+        commands.put(bytes(10_000_000))
+    again = rig.publisher("command", Twist)
+
+    def taken() -> bool:
+        again.put(pack(Twist(time.time_ns(), 8.0, 0.0, seq=2)))
+        return rig.back[-1].right == 8
+
+    assert eventually(taken, 20.0, 0.1)
+    assert rig.pids() == pids
+    assert rig.status("relay").rss < rss + 40e6
+
+
+def test_a_flood_on_one_key_does_not_drown_another(rig: Rig) -> None:
+    """As fast as one process can send: more than a node can take."""
+    commands = rig.publisher("command", Twist)
+    pids, before, heard = rig.pids(), rig.status("relay"), len(rig.back)
+    sent, began = 0, time.monotonic()
+    while time.monotonic() - began < 2.0:
+        now = time.time_ns()
+        for _ in range(500):
+            commands.put(pack(Twist(now, 9.0, 0.0, seq=sent)))
+            sent += 1
+    rate = sent / (time.monotonic() - began)
+    arrived = rig.back[heard:]
+    assert rate > 5_000.0
+    assert len(arrived) > 100, f"{len(arrived)} of 200 while {rate:.0f} a second came"
+    assert eventually(lambda: rig.status("relay").seq >= before.seq + 4)
+    after = rig.status("relay")
+    assert after.rss < before.rss + 20e6
+    assert after.received["faulty/command"] + after.lost["faulty/command"] > 1000
+    assert rig.pids() == pids
