@@ -13,6 +13,7 @@ import pytest
 
 from lodeline.bus import Client
 from lodeline.dash import client as client_module
+from lodeline.dash import link as link_module
 from lodeline.dash.client import AHEAD, Viewer
 from lodeline.dash.frames import Frame, Past
 from lodeline.dash.gateway import TOP_RATE, TOP_SPEED, Gateway
@@ -288,3 +289,27 @@ def test_a_restart_reaches_the_supervisor_that_takes_it(up: Up, dash: Dash) -> N
     assert "restarting" in words
     supervisor.close()
     assert asked == ["ekf"]
+
+
+def test_a_gateway_that_nobody_looks_at_leaves_the_bus_until_somebody_does(
+    up: Up, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LODELINE_RUN", str(up.run))
+    monkeypatch.setattr(link_module, "REST_S", 0.5)
+
+    async def until(what: Callable[[], bool]) -> None:
+        async with asyncio.timeout(20.0):
+            while not what():
+                await asyncio.sleep(0.02)
+
+    async def run() -> dict[str, Any]:
+        async with Gateway("rover") as gateway:
+            await until(lambda: gateway._link.run is not None)
+            await until(lambda: gateway._link.run is None)
+            async with connecting(gateway.port) as socket:
+                reader = Reader(socket)
+                await reader.say(do="hello", token="")
+                await reader.hear("scene")
+                return await reader.hear("frame")
+
+    assert "pose" in asyncio.run(run())["keys"]

@@ -125,9 +125,9 @@ function rangeOf(plot, rows) {
 function ticksOf(plot, [low, high]) {
   if (plot.turns) return [-180, 0, 180];
   if (plot.log) return [0.1, 1, 10, 100, 1000, 10000].filter((t) => t >= low && t <= high);
-  const rough = (high - low) / 3;
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].map((n) => n * power).find((s) => s >= rough);
+  const most = (high - low) / 2; // so that there are at least two
+  const power = 10 ** Math.floor(Math.log10(most));
+  const step = [5, 2, 1].map((n) => n * power).find((s) => s <= most * (1 + 1e-9)) ?? power;
   const ticks = [];
   for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n += 1) ticks.push(n * step);
   return ticks;
