@@ -161,7 +161,7 @@ class _Encoder:
         trouble = flags & (CORDIC_OVERFLOW | FIELD_STRONG | FIELD_WEAK) | ~flags & OFFSETS_LOADED
         if trouble != self._trouble:
             health = self.link.health
-            text = _TROUBLES[trouble] if trouble else "magnet sits well again"
+            text = TROUBLES[trouble] if trouble else "magnet sits well again"
             health.tell(f"ENC_MAGNET {self._name}: {text}")
             invalid = trouble & (CORDIC_OVERFLOW | OFFSETS_LOADED)
             health.state = "fault" if invalid else "degraded" if trouble else "ok"
@@ -177,7 +177,7 @@ class _Encoder:
         return self._bus.read_i2c_block_data(self._address, DIAGNOSTICS, 5)
 
 
-_TROUBLES = {
+TROUBLES = {
     trouble: " and ".join(
         text
         for bit, text in (

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgpack
 from smbus2 import I2cFunc
 
-from lodeline.doctor.chips import name_of, scan
+from lodeline.doctor.chips import HELD, scan
 from lodeline.doctor.report import Report, meaning
 from lodeline.doctor.wiring import Expected
 from lodeline.i2c import Bus
@@ -54,22 +54,21 @@ def check_bus(
         report.add("adapter", "warn", text, "leave `fifo: false`, or use another adapter")
     _check_speed(report, bus, folder)
     try:
-        found = scan(bus)
+        names = scan(bus)
     except OSError as error:
         fix = "take the power off the sensors and give it back; then look for a short or a bad plug"
         report.add("scan", "FAIL", meaning(error), fix)
         return []
-    if not found:
+    if not names:
         fix = "check 3.3 V and ground at the sensors, SDA on SDA (pin 3), SCL on SCL (pin 5)"
         report.add("scan", "FAIL", "nobody answers at any address", fix)
         return []
-    names = {address: name_of(bus, address) for address in found}
     listed = ", ".join(f"0x{address:02x} {name}" for address, name in names.items())
     report.add("scan", "ok", listed)
     _check_conflicts(report, names, expected)
     for device in expected:
         _check_expected(report, device, names)
-    return found
+    return list(names)
 
 
 def check_msgpack(report: Report) -> None:
@@ -132,6 +131,14 @@ def _check_expected(report: Report, device: Expected, names: dict[int, str]) -> 
     where = f"{device.what} at 0x{device.address:02x}"
     name = names.get(device.address)
     kind = device.what.partition(" ")[0]
+    if name == HELD:
+        fix = "take its dtoverlay (a clock has 0x68 too) out of /boot/firmware/config.txt, and boot"
+        report.add(device.node, "FAIL", f"{where}: {name}", fix)
+        return
+    if name is not None and kind == "AS5048B" and "magnet" in name:
+        fix = "the magnet belongs on the axis, 0.5 to 2.5 mm above the chip, with 30 to 70 mT there"
+        report.add(device.node, "warn", f"{where}: {name}", fix)
+        return
     if name is not None:
         fits = kind in name and "unknown" not in name
         fix = "" if fits else f"see what sits at 0x{device.address:02x}; the scan says what may be"

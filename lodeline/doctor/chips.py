@@ -6,17 +6,21 @@ set to several, and many kinds share them.
 
 from __future__ import annotations
 
+import errno
+
 from smbus2 import I2cFunc
 
+from lodeline.devices.as5048b import DIAGNOSTICS, OFFSETS_LOADED, TROUBLES
 from lodeline.devices.mpu import MODELS, WHO_AM_I
 from lodeline.i2c import Bus
 
 FIRST, LAST = 0x08, 0x77
+SILENCE = (errno.EREMOTEIO, errno.ENXIO, errno.EIO)  # adapters disagree on what it is
+HELD = "held by a driver of the kernel"
 # Here a quick write might change an EEPROM or a clock, so they are read: as i2cdetect does.
 READ_ONLY = (*range(0x30, 0x38), *range(0x50, 0x60))
 AKM_IDENTITY = 0x48
 INA219_AFTER_RESET = 0x399F
-AS5048B_DIAGNOSTICS, AS5048B_OFFSETS_LOADED = 0xFB, 0x01
 CANDIDATES = {
     0x0C: "AK8963 or AK8975 magnetometer",
     0x1E: "HMC5883L magnetometer",
@@ -28,9 +32,9 @@ CANDIDATES = {
 }
 
 
-def scan(bus: Bus) -> list[int]:
-    """Return the addresses that acknowledge. An OSError other than a missing answer is raised."""
-    found = []
+def scan(bus: Bus) -> dict[int, str]:
+    """Return what answers, by address. An OSError that concerns the whole bus is raised."""
+    found = {}
     quick = bool(bus.funcs & I2cFunc.SMBUS_QUICK)
     for address in range(FIRST, LAST + 1):
         try:
@@ -39,10 +43,12 @@ def scan(bus: Bus) -> list[int]:
             else:
                 bus.read_byte(address)
         except OSError as error:
-            if error.errno not in (121, 6, 5):  # adapters disagree on what silence is
+            if error.errno == errno.EBUSY:
+                found[address] = HELD
+            elif error.errno not in SILENCE:
                 raise
         else:
-            found.append(address)
+            found[address] = name_of(bus, address)
     return found
 
 
@@ -74,9 +80,10 @@ def _forties(bus: Bus, address: int) -> str:
     config = _block(bus, address, 0x00, 2)
     if config is not None and config[0] << 8 | config[1] == INA219_AFTER_RESET:
         return "INA219 power monitor"
-    flags = _byte(bus, address, AS5048B_DIAGNOSTICS)
-    if address <= 0x43 and flags is not None and flags & ~0x0F == 0 and flags & 0x01:
-        return "AS5048B encoder"
+    flags = _byte(bus, address, DIAGNOSTICS)
+    if address <= 0x43 and flags is not None and flags & ~0x0F == 0 and flags & OFFSETS_LOADED:
+        trouble = TROUBLES.get(flags & ~OFFSETS_LOADED)
+        return f"AS5048B encoder, {trouble}" if trouble else "AS5048B encoder"
     return CANDIDATES.get(address, "unknown: INA219, PCA9685, or an encoder without power")
 
 

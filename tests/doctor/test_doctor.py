@@ -129,6 +129,35 @@ def test_an_ina219_in_the_place_of_an_encoder_is_told_from_it(
     assert "0x40 INA219 power monitor" in found(report, "scan").text
 
 
+def test_an_address_that_the_kernel_holds_is_told(
+    rig: Callable[..., Rig], expected: Wiring
+) -> None:
+    bench = rig()
+    bench.fail = lambda address: errno.EBUSY if address == 0x68 else 0
+    check = found(examine(bench, expected), "imu")
+    assert check.verdict == "FAIL"
+    assert check.text == "MPU at 0x68: held by a driver of the kernel"
+    assert "dtoverlay" in check.fix
+
+
+def test_an_encoder_whose_magnet_sits_badly_is_warned_of(
+    rig: Callable[..., Rig], expected: Wiring
+) -> None:
+    bench = rig()
+    bench.robot.right.flags = 0x09
+    report = examine(bench, expected)
+    check = found(report, "encoders", "warn")
+    assert check.text == "AS5048B right at 0x41: AS5048B encoder, magnet too far"
+    assert found(report, "encoders", "ok").text.startswith("AS5048B left")
+
+
+@pytest.mark.parametrize("chip", ["mpu9250", "mpu9255", "mpu9150", "mpu6500", "mpu6050"])
+def test_every_chip_that_can_be_driven_is_fine_where_an_imu_is_expected(
+    rig: Callable[..., Rig], expected: Wiring, chip: str
+) -> None:
+    assert found(examine(rig(imu_chip=chip), expected), "imu").verdict == "ok"
+
+
 def test_two_devices_that_want_one_address_are_a_conflict(rig: Callable[..., Rig]) -> None:
     report = Report()
     both = [Expected("left", "AS5048B", 0x40), Expected("right", "AS5048B", 0x40)]
