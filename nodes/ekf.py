@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from lodeline.ekf import Estimate, Localizer, LocalizerParams, LocalizerState
 from lodeline.node import Input, Node, Output
-from lodeline_msgs import MagnetDetection, Odometry, PoseEstimate
+from lodeline_msgs import AttitudeEstimate, MagnetDetection, Odometry, PoseEstimate
 
 
 class EkfNode(Node[LocalizerParams]):
-    """`odom` and `magnets` in; a `pose` out for each odometry, and at once for a magnet."""
+    """`odom` and `magnets` in; a `pose` out for each odometry, and at once for a magnet.
+
+    `attitude`, where it is connected, tells how the robot turns even if a wheel slips.
+    """
 
     State = LocalizerState
     odom = Input(Odometry, queue=64, max_age=0.5)
     magnets = Input(MagnetDetection, queue=64, max_age=0.5)
+    attitude = Input(AttitudeEstimate, queue=64, max_age=0.5)
     pose = Output(PoseEstimate)
 
     def setup(self) -> None:
@@ -38,6 +42,17 @@ class EkfNode(Node[LocalizerParams]):
         estimate = self.localizer.magnets(detection.stamp, detection.lateral)
         self._send(estimate if detection.lateral else None)
 
+    @attitude.handler
+    def on_attitude(self, attitude: AttitudeEstimate) -> None:
+        """It tells in the next pose what it changed."""
+        self.localizer.attitude(
+            attitude.stamp,
+            attitude.orientation,
+            attitude.angular_velocity,
+            attitude.heading_std,
+            disturbed=attitude.disturbed,
+        )
+
     def _send(self, estimate: Estimate | None) -> None:
         rejected = self.context.rejected
         rejected["too old"] = self.localizer.late
@@ -46,6 +61,7 @@ class EkfNode(Node[LocalizerParams]):
         if estimate is None:
             return
         rejected["gate"] = estimate.rejected
+        self.context.report("degraded" if estimate.trouble else "running", estimate.trouble)
         self.pose.send(
             PoseEstimate(
                 stamp=estimate.stamp_ns,

@@ -42,6 +42,10 @@ class Innovation(NamedTuple):
     nis: float
 
 
+Row = tuple[float, float, float]
+"""Derivatives of one measured number by x, y and yaw."""
+
+
 class Engine(Protocol):
     """Pure functions of beliefs; none of them remembers anything between calls."""
 
@@ -55,6 +59,10 @@ class Engine(Protocol):
 
     def correct(self, belief: Belief, detection: Detection) -> Belief:
         """The belief after a detection that passed the gate."""
+        ...
+
+    def correct_scalar(self, belief: Belief, row: Row, residual: float, variance: float) -> Belief:
+        """The belief after one number: `residual` = `row` . (error of x, y, yaw) + noise."""
         ...
 
 

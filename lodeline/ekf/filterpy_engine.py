@@ -10,7 +10,7 @@ import numpy.typing as npt
 from filterpy.kalman import ExtendedKalmanFilter
 
 from lodeline.ekf.belief import Belief
-from lodeline.ekf.engine import Detection, Innovation, Noise
+from lodeline.ekf.engine import Detection, Innovation, Noise, Row
 from lodeline.ekf.motion import Delta
 from lodeline.rotation import wrap_angle
 
@@ -22,6 +22,7 @@ class FilterpyEngine:
 
     def __init__(self) -> None:
         self._ekf = ExtendedKalmanFilter(dim_x=3, dim_z=2)
+        self._single = ExtendedKalmanFilter(dim_x=3, dim_z=1)
 
     def predict(self, belief: Belief, delta: Delta, noise: Noise) -> Belief:
         """P <- A P A^T + B Q B^T + Q_alpha by filterpy; the mean moves by its own model."""
@@ -36,7 +37,7 @@ class FilterpyEngine:
         ekf.Q = b @ q @ b.T + alpha
         ekf.predict()
         ekf.x = np.array([belief.x + dx, belief.y + dy, belief.yaw + delta.turn])
-        return self._belief()
+        return _unload(ekf)
 
     def weigh(self, belief: Belief, detection: Detection) -> Innovation:
         """y, S and y^T S^-1 y of the detection, by solving for it."""
@@ -56,17 +57,33 @@ class FilterpyEngine:
             Hx=lambda _: _expected(belief, detection),
             R=_r(detection),
         )
-        return self._belief()
+        return _unload(self._ekf)
+
+    def correct_scalar(self, belief: Belief, row: Row, residual: float, variance: float) -> Belief:
+        """filterpy's update with one measured value."""
+        ekf = _load(self._single, belief)
+        ekf.update(
+            np.array([residual]),
+            HJacobian=lambda _: np.array([row]),
+            Hx=lambda _: np.zeros(1),
+            R=np.array([[variance]]),
+        )
+        return _unload(ekf)
 
     def _load(self, belief: Belief) -> ExtendedKalmanFilter:
-        self._ekf.x = np.array([belief.x, belief.y, belief.yaw])
-        self._ekf.P = np.array(belief.covariance).reshape(3, 3)
-        return self._ekf
+        return _load(self._ekf, belief)
 
-    def _belief(self) -> Belief:
-        x, y, yaw = (float(value) for value in self._ekf.x)
-        p = [float(value) for value in self._ekf.P[np.triu_indices(3)]]
-        return Belief(x, y, wrap_angle(yaw), *p)
+
+def _load(ekf: ExtendedKalmanFilter, belief: Belief) -> ExtendedKalmanFilter:
+    ekf.x = np.array([belief.x, belief.y, belief.yaw])
+    ekf.P = np.array(belief.covariance).reshape(3, 3)
+    return ekf
+
+
+def _unload(ekf: ExtendedKalmanFilter) -> Belief:
+    x, y, yaw = (float(value) for value in ekf.x)
+    p = [float(value) for value in ekf.P[np.triu_indices(3)]]
+    return Belief(x, y, wrap_angle(yaw), *p)
 
 
 def _expected(belief: Belief, detection: Detection) -> Array:

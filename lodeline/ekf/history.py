@@ -31,6 +31,23 @@ class Hits(NamedTuple):
     laterals: tuple[float, ...]
 
 
+class Spin(NamedTuple):
+    """What the IMU says: rate of turn [rad/s], heading and its sigma [rad], tilt [rad].
+
+    `heading_sigma` infinite: there is no north to believe.
+    """
+
+    stamp_ns: int
+    rate: float
+    heading: float
+    heading_sigma: float
+    tilt: float
+
+
+Sample = Motion | Hits | Spin
+KINDS = (Motion, Hits, Spin)  # in the order that they take at one stamp
+
+
 class Mark(NamedTuple, Generic[B]):
     """What is believed at `stamp_ns`, and the last motion up to there (None: none yet)."""
 
@@ -43,25 +60,26 @@ class Mark(NamedTuple, Generic[B]):
 class Node(Generic[B]):
     """A sample and what is believed after it (None: it waits for a motion that reaches it)."""
 
-    sample: Motion | Hits
+    sample: Sample
     after: Mark[B] | None = None
 
 
 Verdict = Literal["used", "waiting", "late", "duplicate", "full"]
 Advance = Callable[[B, Motion, Motion, float, float], B]
 """belief, motion before, motion after, begin and end of the part taken (fractions of the way)."""
-Observe = Callable[[B, Hits], B]
+Observe = Callable[[B, Hits | Spin], B]
 
 
 class History(Generic[B]):
     """Samples of the last `span_ns` before the newest motion, replayed in the order of stamps.
 
-    At one stamp the motion goes first. Hits newer than the newest motion wait for it; a motion
-    that passes hits is split at their stamps. Hits before the first motion change nothing.
+    At one stamp the motion goes first. What is newer than the newest motion waits for the next; a
+    motion that passes other samples is split at their stamps. What comes before the first motion
+    changes nothing.
     """
 
     CAPACITY = 4096  # samples, against a flood: beyond it the oldest are settled early
-    WAITING = 256  # hits that may wait for a motion
+    WAITING = 512  # samples that may wait for a motion
 
     def __init__(
         self, span_ns: int, start: Mark[B], advance: Advance[B], observe: Observe[B]
@@ -73,7 +91,7 @@ class History(Generic[B]):
     def restart(self, start: Mark[B]) -> None:
         """Forgets all samples and goes on from `start`."""
         self._base = start
-        self._horizon = (-(1 << 63), 0) if start.motion is None else (start.stamp_ns, 1)
+        self._horizon = (-(1 << 63), 0) if start.motion is None else (start.stamp_ns, len(KINDS))
         self._keys: list[tuple[int, int]] = []
         self._nodes: list[Node[B]] = []
         self._newest = start
@@ -83,9 +101,9 @@ class History(Generic[B]):
         """The latest belief that all usable samples lead to."""
         return self._newest
 
-    def add(self, sample: Motion | Hits) -> Verdict:
+    def add(self, sample: Sample) -> Verdict:
         """Puts a sample in its place and replays what comes after it."""
-        key = (sample.stamp_ns, 0 if isinstance(sample, Motion) else 1)
+        key = (sample.stamp_ns, KINDS.index(type(sample)))
         if key <= self._horizon:
             return "late"
         i = bisect_left(self._keys, key)
@@ -105,7 +123,7 @@ class History(Generic[B]):
 
     @staticmethod
     def _between(node: Node[B]) -> bool:
-        """True for hits between two motions: what is believed there hangs on the one to come."""
+        """True for a sample between two motions: what is believed there hangs on the next one."""
         if isinstance(node.sample, Motion):
             return False
         motion = node.after.motion if node.after else None
@@ -126,7 +144,7 @@ class History(Generic[B]):
         for j in range(i, len(self._nodes)):
             node = self._nodes[j]
             coming = max(coming, j)
-            while coming < len(self._nodes) and self._keys[coming][1] == 1:
+            while coming < len(self._nodes) and self._keys[coming][1] > 0:
                 coming += 1
             to = self._nodes[coming].sample if coming < len(self._nodes) else None
             assert to is None or isinstance(to, Motion)
@@ -136,7 +154,7 @@ class History(Generic[B]):
                 mark = after
         self._newest = mark
 
-    def _step(self, mark: Mark[B], sample: Motion | Hits, to: Motion | None) -> Mark[B] | None:
+    def _step(self, mark: Mark[B], sample: Sample, to: Motion | None) -> Mark[B] | None:
         """`to`: the next motion at or after the sample."""
         before, stamp_ns = mark.motion, sample.stamp_ns
         if before is None:

@@ -1,16 +1,20 @@
 """The localiser: odometry and magnets in, the robot's pose in `map` with its covariance out."""
 
+import math
 from dataclasses import dataclass
 
 from lodeline.ekf.belief import Belief, Covariance3
-from lodeline.ekf.history import History, Hits, Mark, Motion, Verdict
+from lodeline.ekf.history import History, Hits, Mark, Motion, Spin, Verdict
 from lodeline.ekf.mixture import Hypothesis
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.sightings import Contact
 from lodeline.ekf.tracker import Track, Tracker
+from lodeline.ekf.turning import Agreement
+from lodeline.rotation import Quaternion, Vector, rotate, yaw_of
 
 ABSURD = 1e6  # m, rad, s or their squares: beyond it a number is refused
 LATERAL_LIMIT = 1.0  # m: no bar is wider
+RATE_LIMIT = 40.0  # rad/s: more than any gyro of the trade measures
 HITS_LIMIT = 32  # magnets in one reading
 
 
@@ -34,6 +38,13 @@ class LocalizerState:
     w: float
     weight: float
     others: tuple[tuple[float, ...], ...]
+    rate: float
+    rate_ns: int
+    spiked: bool
+    heading_ns: int
+    agreement: tuple[float, float, bool]
+    tilted_ns: int
+    lifted: bool
     odom_stamp_ns: int | None
     odom_x: float
     odom_y: float
@@ -54,7 +65,9 @@ class Estimate:
     the pitch less the bar's own error, or the cell of the pose has less than the probability
     asked for. `certainty` is that probability, as far as it was ever in doubt; the covariance
     has all hypotheses in it. `alarms` counts how often too many magnets were not where they
-    should have been: the robot was moved, or is lost.
+    should have been, or the robot was tilted as no floor does: it was moved, or is lost.
+    `slipping` says that the wheels turn the robot otherwise than the gyro does, `stuck_reed` that
+    a reed stays closed over more way than any magnet is long.
     """
 
     stamp_ns: int
@@ -67,6 +80,21 @@ class Estimate:
     ambiguous: bool
     certainty: float
     alarms: int
+    slipping: bool
+    stuck_reed: bool
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with it and what to do, or nothing: for people to read."""
+        if self.slipping:
+            return "INCONSISTENT wheels and gyro: one slips or is silent, or is ill calibrated"
+        if self.ambiguous and self.alarms:
+            return "KIDNAPPED magnets or tilt say that the robot was moved: set its pose"
+        if self.ambiguous:
+            return "AMBIGUOUS the position may be wrong by a pitch of the magnets"
+        if self.stuck_reed:
+            return "REED_STUCK a reed stays closed: not believed until it opens"
+        return ""
 
 
 class Localizer:
@@ -130,6 +158,40 @@ class Localizer:
             return None
         return self._answer(self._history.add(Hits(stamp_ns, tuple(laterals))))
 
+    def attitude(
+        self,
+        stamp_ns: int,
+        orientation: Quaternion,
+        angular_velocity: Vector,
+        heading_std: float,
+        *,
+        disturbed: bool,
+    ) -> Estimate | None:
+        """Takes what the IMU says: body to world, body rates less their bias [rad/s].
+
+        The rate of turn goes into each step beside the wheels', the heading only as far as
+        `heading` of the parameters lets it, and not while the field is `disturbed`. None: nothing
+        changed yet.
+        """
+        norm = math.fsum(part * part for part in orientation)
+        if (
+            not _sane(*orientation, *angular_velocity, heading_std)
+            or abs(norm - 1.0) > 1e-3
+            or max(map(abs, angular_velocity)) > RATE_LIMIT
+            or heading_std < 0.0
+        ):
+            self.refused += 1
+            return None
+        up = rotate(orientation, (0.0, 0.0, 1.0))[2]
+        spin = Spin(
+            stamp_ns,
+            rotate(orientation, angular_velocity)[2],
+            yaw_of(orientation),
+            math.inf if disturbed else heading_std,
+            math.acos(max(-1.0, min(1.0, up))),
+        )
+        return self._answer(self._history.add(spin))
+
     @property
     def estimate(self) -> Estimate | None:
         """The latest estimate; None before the first odometry."""
@@ -148,6 +210,8 @@ class Localizer:
             ambiguous,
             sure,
             mark.belief.alarms,
+            mark.belief.agreement.doubted,
+            self._tracker.has_stuck_reed(mark.belief),
         )
 
     @property
@@ -172,6 +236,13 @@ class Localizer:
             track.w,
             track.weight,
             tuple((weight, *other) for weight, other in track.others),
+            track.rate,
+            track.rate_ns,
+            track.spiked,
+            track.heading_ns,
+            (track.agreement[0], track.agreement[1], track.agreement[2]),
+            track.tilted_ns,
+            track.lifted,
             motion.stamp_ns if motion else None,
             motion.x if motion else 0.0,
             motion.y if motion else 0.0,
@@ -210,6 +281,13 @@ class Localizer:
             state.w,
             weight=state.weight,
             others=tuple(Hypothesis(w, other.widened(*widen).positive()) for w, other in others),
+            rate=state.rate,
+            rate_ns=state.rate_ns,
+            spiked=state.spiked,
+            heading_ns=state.heading_ns,
+            agreement=Agreement(*state.agreement),
+            tilted_ns=state.tilted_ns,
+            lifted=state.lifted,
         )
         self._history.restart(Mark(state.stamp_ns, motion, track))
         self.late, self.duplicates = state.late, state.duplicates

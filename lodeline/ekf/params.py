@@ -23,6 +23,10 @@ class LocalizerParams:
     not own up to (> `max_speed`), besides the way that it may have gone in it. While several
     magnets may be meant, the pose is ambiguous until a cell of the lattice has the probability
     `sure`.
+    `gyro_noise` is the random walk of the turn that a gyro measures, if one is connected; `track`
+    is the distance of the wheels, by which a turn that only they see becomes a doubt about the
+    way. `heading: on` takes the compass too: its error stays the same for long, so one reading is
+    used per `heading_interval`, with `heading_sigma` more than it says of itself.
     Raises ValueError for a parameter that makes no sense.
     """
 
@@ -44,17 +48,24 @@ class LocalizerParams:
     widen_sigma: Annotated[tuple[float, float], "m, rad"] = (0.030, 0.10)
     reset_sigma: Annotated[tuple[float, float], "m, rad"] = (0.015, 0.10)
     sure: Annotated[float, "1"] = 0.98
+    gyro_noise: Annotated[float, "rad/s^0.5"] = 0.002
+    heading: Literal["off", "on"] = "off"
+    heading_sigma: Annotated[float, "rad"] = 0.05
+    heading_interval: Annotated[float, "s"] = 10.0
+    track: Annotated[float, "m"] = 0.112
     max_speed: Annotated[float, "m/s"] = 5.0
     history: Annotated[float, "s"] = 1.0
 
     def __post_init__(self) -> None:
         positive = ("lattice_pitch", "passage", "edge_sigma", "lateral_sigma", "gate")
-        for name in (*positive, "widen_after", "max_speed", "history"):
+        for name in (*positive, "widen_after", "max_speed", "history", "heading_interval", "track"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
         for name in ("initial_sigma", "alpha_sigma", "reset_sigma"):
             if min(getattr(self, name)) < 0.0:
                 raise ValueError(f"{name} must not be negative, as {getattr(self, name)} is")
+        if min(self.gyro_noise, self.heading_sigma) < 0.0:
+            raise ValueError("gyro_noise and heading_sigma must not be negative")
         if not min(self.widen_sigma) > 0.0:
             # without it a robot that lost its way would reject every magnet for ever
             raise ValueError(f"widen_sigma must be positive, not {self.widen_sigma}")

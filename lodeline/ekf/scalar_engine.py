@@ -3,7 +3,7 @@
 import math
 
 from lodeline.ekf.belief import Belief
-from lodeline.ekf.engine import Detection, Innovation, Noise
+from lodeline.ekf.engine import Detection, Innovation, Noise, Row
 from lodeline.ekf.motion import Delta
 from lodeline.rotation import wrap_angle
 
@@ -65,6 +65,11 @@ class ScalarEngine:
         after = _joseph(after, (s, -c, -ahead), y1, detection.left_variance)
         return after._replace(yaw=wrap_angle(after.yaw))
 
+    def correct_scalar(self, belief: Belief, row: Row, residual: float, variance: float) -> Belief:
+        """Joseph's form for one measured value."""
+        after = _joseph(belief, row, residual, variance)
+        return after._replace(yaw=wrap_angle(after.yaw))
+
 
 def _expected(belief: Belief, detection: Detection) -> tuple[float, float, float, float]:
     """Where the magnet should be, h(X) = (ahead, left) [m], and cos, sin of the yaw.
@@ -86,7 +91,7 @@ def _times(belief: Belief, h0: float, h1: float, h2: float) -> tuple[float, floa
     )
 
 
-def _joseph(belief: Belief, h: tuple[float, float, float], y: float, r: float) -> Belief:
+def _joseph(belief: Belief, h: Row, y: float, r: float) -> Belief:
     """One measured value y = h dX + noise of variance r: P <- (I - k h) P (I - k h)^T + k r k^T."""
     h0, h1, h2 = h
     x, yy, yaw, p00, p01, p02, p11, p12, p22 = belief

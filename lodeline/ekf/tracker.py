@@ -6,7 +6,7 @@ from typing import NamedTuple
 from lodeline.ekf.association import Association
 from lodeline.ekf.belief import Belief, certain
 from lodeline.ekf.engine import Noise, make_engine
-from lodeline.ekf.history import Hits, Motion
+from lodeline.ekf.history import Hits, Motion, Spin
 from lodeline.ekf.mixture import Hypothesis, Mixture, certainty, spread
 from lodeline.ekf.motion import Delta, part, relative
 from lodeline.ekf.params import LocalizerParams
@@ -18,10 +18,20 @@ from lodeline.ekf.sightings import (
     edge_sights,
     plain_sights,
 )
+from lodeline.ekf.turning import RATE_LIFE, Agreement, compared, doubting, fused
 from lodeline.magnets.lattice import Lattice
+from lodeline.rotation import wrap_angle
 
 COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as it went
+TILT, TILT_TIME_NS = 0.17, 300_000_000  # rad and ns: no floor does that, a hand does
+LIFT_SIGMA = (1.0, 0.5)  # m, rad: where a lifted robot is put down
+SWING, SPIKE = 100.0, 0.5  # rad/s^2 and rad/s: no robot changes its turn faster than by this
+STUCK_PITCHES = 3.0  # a reed that stays closed over so much of the lattice is stuck
+HEADING_GATE = 6.63  # 99 % of chi-square, 1 degree of freedom
 RECENT = 8  # sights of which too many must not be rejected
+
+
+LONG_AGO = -(1 << 63)
 
 
 class Track(NamedTuple):
@@ -43,6 +53,13 @@ class Track(NamedTuple):
     blind: bool = False  # in the midst of a way that nobody measures
     weight: float = 1.0
     others: Mixture = ()
+    rate: float = 0.0  # of turn, by the gyro [rad/s]
+    rate_ns: int = LONG_AGO
+    spiked: bool = False  # the last reading of it was not believed
+    heading_ns: int = LONG_AGO  # when a heading was used last
+    agreement: Agreement = Agreement()
+    tilted_ns: int = LONG_AGO  # since when, or not at all
+    lifted: bool = False
 
     @property
     def mixture(self) -> Mixture:
@@ -80,23 +97,29 @@ class Tracker:
         params = self._params
         return Track(certain(*params.initial_pose).widened(*params.initial_sigma))
 
-    def lost(self, track: Track, seconds: float = 0.0, share: float = 1.0) -> Track:
+    def lost(
+        self,
+        track: Track,
+        seconds: float = 0.0,
+        share: float = 1.0,
+        gyro: float | None = None,
+    ) -> Track:
         """After `seconds` in which nobody measured where the robot went, or a `share` of a gap.
 
-        It is taken to have gone on as it went; that it stopped at once is one sigma off.
+        It is taken to have gone on as it went; that it stopped at once is one sigma off. `gyro`
+        is the turn that the gyro saw [rad].
         """
         position, heading = self._params.reset_sigma
         reach = min(seconds, COAST * share)
-        delta = _arc(track.v * reach, track.w * reach)
         # of a gap in several parts each brings its share of the variance of the whole
         along, turn = track.v * seconds, track.w * seconds
-        noise = Noise(
-            along * along / share,
-            0.0,
-            turn * turn / share,
-            share * position * position,
-            share * heading * heading,
-        )
+        tt, doubt = turn * turn / share, share * heading * heading
+        if gyro is None:
+            delta = _arc(track.v * reach, track.w * reach)
+        else:
+            delta = _arc(track.v * reach, gyro)
+            tt, doubt = self._gyro_variance(seconds), 0.0
+        noise = Noise(along * along / share, 0.0, tt, share * position * position, doubt)
         track = self._moved(track, delta, noise)
         return track._replace(contacts=(), way=UNKNOWN_WAY, step=0.0)
 
@@ -105,20 +128,41 @@ class Tracker:
     ) -> Track:
         """After the part from `begin` to `end` (fractions) of the motion between two samples."""
         params, share = self._params, end - begin
-        seconds = (after.stamp_ns - before.stamp_ns) * 1e-9
+        gap_ns = after.stamp_ns - before.stamp_ns
+        seconds = gap_ns * 1e-9
         delta = relative(before.x, before.y, before.yaw, after.x, after.y, after.yaw)
+        age = 1e-9 * (before.stamp_ns + begin * gap_ns - track.rate_ns)
+        gyro = track.rate * seconds * share if age <= RATE_LIFE else None
         if after.resets != before.resets or (
             math.hypot(delta.ahead, delta.left) > params.max_speed * seconds
         ):
-            track = self.lost(track, seconds * share, share)
+            track = self.lost(track, seconds * share, share, gyro)
             return track._replace(blind=end < 1.0)
         v, w = delta.ahead / seconds, delta.turn / seconds
         if share < 1.0:
             delta = part(delta, begin, end)
-        track = self._moved(track, delta, self._noise(after, seconds * share))
+        noise = self._noise(after, seconds * share)
+        if gyro is not None:
+            track, delta, noise = self._with_gyro(track, delta, noise, gyro, seconds * share)
+        track = self._moved(track, delta, noise)
         way = math.hypot(delta.ahead, delta.left + params.bar_x * delta.turn)
         way, step = track.way + way, track.step + delta.ahead
         return track._replace(way=way, step=step, v=v, w=w, blind=False)
+
+    def _with_gyro(
+        self, track: Track, delta: Delta, noise: Noise, turn: float, seconds: float
+    ) -> tuple[Track, Delta, Noise]:
+        """The step as wheels and gyro see it together; where they differ too much, the gyro."""
+        off, variance = turn - delta.turn, self._gyro_variance(seconds)
+        doubted = track.agreement.doubted
+        agreement = compared(track.agreement, off, noise.tt + variance, seconds)
+        if doubted or agreement.doubted:
+            noise = doubting(noise, off, agreement, seconds, self._params.track)
+        delta, noise = fused(delta, noise, turn, variance)
+        return track._replace(agreement=agreement), delta, noise
+
+    def _gyro_variance(self, seconds: float) -> float:
+        return self._params.gyro_noise**2 * seconds
 
     def _moved(self, track: Track, delta: Delta, noise: Noise) -> Track:
         predict = self._engine.predict
@@ -136,7 +180,43 @@ class Tracker:
         scale = motion.interval * seconds
         return Noise(scale * vv, scale * vw, scale * ww)
 
-    def observe(self, track: Track, hits: Hits) -> Track:
+    def observe(self, track: Track, sample: Hits | Spin) -> Track:
+        """After a sample that is no motion."""
+        if isinstance(sample, Spin):
+            return self._spun(track, sample)
+        return self._read(track, sample)
+
+    def _spun(self, track: Track, spin: Spin) -> Track:
+        """From here on the robot turns as the gyro says; now and then, its heading is north's."""
+        track = _turning(self._tilted(track, spin), spin)
+        params = self._params
+        wait_ns = params.heading_interval * 1e9
+        if params.heading == "off" or spin.stamp_ns - track.heading_ns < wait_ns:
+            return track
+        if not math.isfinite(spin.heading_sigma):
+            return track
+        variance = spin.heading_sigma**2 + params.heading_sigma**2
+        headed = []
+        for weight, belief in track.mixture:
+            off = wrap_angle(spin.heading - belief.yaw)
+            if off * off > HEADING_GATE * (belief.p22 + variance):
+                return track
+            after = self._engine.correct_scalar(belief, (0.0, 0.0, 1.0), off, variance)
+            headed.append(Hypothesis(weight, after.positive()))
+        return track.of(tuple(headed))._replace(heading_ns=spin.stamp_ns)
+
+    def _tilted(self, track: Track, spin: Spin) -> Track:
+        """A robot that is tilted for long was lifted: nobody knows where it is put down."""
+        if not spin.tilt > TILT:
+            return track._replace(tilted_ns=LONG_AGO, lifted=False)
+        if track.tilted_ns == LONG_AGO:
+            return track._replace(tilted_ns=spin.stamp_ns)
+        if track.lifted or spin.stamp_ns - track.tilted_ns < TILT_TIME_NS:
+            return track
+        track = track._replace(lifted=True, alarms=track.alarms + 1, contacts=())
+        return track.widened(*LIFT_SIGMA)
+
+    def _read(self, track: Track, hits: Hits) -> Track:
         """After a reading of the bar: each sight is gated, then corrects the belief."""
         if track.blind:  # a magnet that stays or another one? it tells more when the gap is over
             return track
@@ -181,6 +261,13 @@ class Tracker:
         track = track._replace(recent=0, alarms=track.alarms + 1)
         return track.widened(*self._params.widen_sigma)
 
+    def has_stuck_reed(self, track: Track) -> bool:
+        """True while a reed stays closed farther than any magnet holds it."""
+        limit = STUCK_PITCHES * self._params.lattice_pitch
+        return any(
+            each.since_last == 0.0 and abs(each.since_first) > limit for each in track.contacts
+        )
+
     def published(self, track: Track) -> tuple[Belief, float, bool]:
         """The pose with all that it may be wrong by, how certain its cell is, and `ambiguous`."""
         if not track.others:
@@ -189,6 +276,15 @@ class Tracker:
         sure = certainty(mixture, self._params.lattice_pitch)
         wide = self._association.is_wide(track.belief)
         return spread(mixture), sure, wide or sure < self._params.sure
+
+
+def _turning(track: Track, spin: Spin) -> Track:
+    """Takes the rate of turn, unless it is one lone spike."""
+    seconds = 1e-9 * (spin.stamp_ns - track.rate_ns)
+    jump = abs(spin.rate - track.rate)
+    if not track.spiked and seconds <= RATE_LIFE and jump > max(SPIKE, SWING * seconds):
+        return track._replace(rate_ns=spin.stamp_ns, spiked=True)
+    return track._replace(rate=spin.rate, rate_ns=spin.stamp_ns, spiked=False)
 
 
 def _arc(way: float, turn: float) -> Delta:

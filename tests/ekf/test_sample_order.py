@@ -165,8 +165,8 @@ def test_the_history_stays_short() -> None:
         feed(localizer, ("odometry", i * 100_000, (i * 1e-6, 0.0, 0.0, 0)))
     for i in range(1_000):
         localizer.magnets((20_000 + i) * 100_000, (0.0,))
-    assert len(localizer._history._nodes) <= 4096 + 256 + 1
-    assert localizer.refused == 1_000 - 256
+    assert len(localizer._history._nodes) <= 4096 + 512 + 1
+    assert localizer.refused == 1_000 - 512
 
 
 @pytest.mark.parametrize("ahead_ns", [-3_600_000 * MS, 3_600_000 * MS])
