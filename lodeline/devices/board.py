@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 from lodeline.devices.ak8963 import Ak8963, Ak8975, CompassParams
 from lodeline.devices.link import Health
-from lodeline.devices.mpu import MODELS, ImuReading, Mpu, MpuParams
+from lodeline.devices.mpu import ImuReading, Mpu
 from lodeline.devices.mpu_fifo import MpuFifo
+from lodeline.devices.mpu_models import MODELS, MpuParams
 from lodeline.i2c import Bus
 from lodeline.stamps import seconds
 

@@ -11,7 +11,8 @@ from collections.abc import Callable
 
 from smbus2 import i2c_msg
 
-from lodeline.devices.mpu import INT_PIN_CFG, USER_CTRL, ImuReading, Mpu, MpuParams
+from lodeline.devices.mpu import INT_PIN_CFG, USER_CTRL, ImuReading, Mpu
+from lodeline.devices.mpu_models import MpuParams
 from lodeline.devices.sample_clock import SampleClock
 from lodeline.i2c import Bus
 

@@ -11,7 +11,8 @@ import errno
 from smbus2 import I2cFunc
 
 from lodeline.devices.as5048b import DIAGNOSTICS, OFFSETS_LOADED, TROUBLES
-from lodeline.devices.mpu import MODELS, WHO_AM_I
+from lodeline.devices.mpu import WHO_AM_I
+from lodeline.devices.mpu_models import MODELS
 from lodeline.i2c import Bus
 
 FIRST, LAST = 0x08, 0x77

@@ -7,7 +7,8 @@ from math import degrees, sqrt
 from typing import NamedTuple
 
 from lodeline.devices import CompassParams, DeviceError, ImuBoard, ImuReading, MpuParams
-from lodeline.devices.mpu import MODELS, WHO_AM_I
+from lodeline.devices.mpu import WHO_AM_I
+from lodeline.devices.mpu_models import MODELS
 from lodeline.doctor.report import Report, meaning
 from lodeline.i2c import Bus
 

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lodeline.devices.as5048b import TURN, Counter, Encoders, EncodersParams
+from lodeline.devices.as5048b import Encoders, EncodersParams
+from lodeline.devices.counter import TURN, Counter
 from tests.devices.rig import MakeRig
 
 PER_RADIAN = TURN / (2.0 * pi)

@@ -10,7 +10,8 @@ from math import hypot
 import pytest
 
 from lodeline.devices.link import DeviceError
-from lodeline.devices.mpu import ImuReading, Mpu, MpuParams
+from lodeline.devices.mpu import ImuReading, Mpu
+from lodeline.devices.mpu_models import MpuParams
 from lodeline.sim.chips.mpu import MpuChip
 from tests.devices.rig import MakeRig
 
