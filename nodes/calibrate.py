@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Annotated
+
 from lodeline.calibration import Calibrator, ImuCalibration
+from lodeline.calibration_file import CalibrationFileError, calibrated
 from lodeline.node import Input, Node, Output
 from lodeline_msgs import Imu, MagneticField
 
 
-class Calibrate(Node[ImuCalibration]):
+@dataclass(frozen=True, slots=True)
+class CalibrateParams(ImuCalibration):
+    """The numbers themselves, or the file of `lodeline calibrate` whose numbers go before them."""
+
+    file: Annotated[str, "YAML, its path from where `lodeline up` is called"] = ""
+
+
+class Calibrate(Node[CalibrateParams]):
     """Takes out offsets, scale errors, hard and soft iron; turns chip axes into body axes."""
 
     data_raw = Input(Imu, queue=32, max_age=0.25)
@@ -16,10 +27,21 @@ class Calibrate(Node[ImuCalibration]):
     mag = Output(MagneticField)
 
     def setup(self) -> None:
-        self.calibrator = Calibrator(self.params)
+        self.calibrator: Calibrator | None = None
+        try:
+            calibration, note = calibrated(self.params, self.params.file)
+        except CalibrationFileError as error:
+            self.context.report("fault", str(error))
+            return
+        self.calibrator = Calibrator(calibration)
+        if note:
+            self.context.report("degraded", note)
 
     @data_raw.handler
     def on_data(self, raw: Imu) -> None:
+        if self.calibrator is None:
+            self.context.reject("no calibration")
+            return
         self.data.send(
             Imu(
                 raw.stamp,
@@ -30,6 +52,9 @@ class Calibrate(Node[ImuCalibration]):
 
     @mag_raw.handler
     def on_mag(self, raw: MagneticField) -> None:
+        if self.calibrator is None:
+            self.context.reject("no calibration")
+            return
         self.mag.send(MagneticField(raw.stamp, self.calibrator.magnetic_field(raw.magnetic_field)))
 
 

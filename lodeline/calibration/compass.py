@@ -10,6 +10,7 @@ from math import degrees, pi
 from typing import TYPE_CHECKING, Any
 
 from lodeline.calibration.conic import Quadric, fit_quadric
+from lodeline.calibration.minmax import MinMax
 from lodeline.calibration.quality import CalibrationRefusedError, checked
 from lodeline.rotation import Vector
 
@@ -55,10 +56,29 @@ def fit_ellipse(readings: Sequence[Vector]) -> CompassFit:
 
     CalibrationRefusedError when the turn covers less than 300 degrees or the fit is bad.
     """
+    points = checked(readings, 30, "magnetometer")
+    return _flat(points, fit_quadric(points[:, :2]))
+
+
+def fit_minmax(readings: Sequence[Vector]) -> CompassFit:
+    """The same by the smallest and largest reading of chip x and y alone (SCUTTLE): one spike
+    spoils it.
+    """
     import numpy as np
 
     points = checked(readings, 30, "magnetometer")
-    quadric = fit_quadric(points[:, :2])
+    try:
+        found = MinMax.of((float(x), float(y)) for x, y, _ in points)
+    except ValueError as error:
+        raise CalibrationRefusedError(str(error)) from None
+    spans = np.array(found.high) - np.array(found.low)
+    shape = np.diag(2.0 / spans)
+    return _flat(points, Quadric(np.array(found.offset), shape, np.ones(len(points))))
+
+
+def _flat(points: "NDArray[Any]", quadric: Quadric) -> CompassFit:
+    import numpy as np
+
     strength = _strength(quadric)
     unit = (points[:, :2] - quadric.centre) @ quadric.shape
     good = quadric.weights > 0.0

@@ -1,0 +1,160 @@
+"""Calibrations on file: a YAML that is whole or not there, and the version before it.
+
+A section for each sensor: its parameters, and `date`, `chip`, `source`, `residual`, `verdict`. The
+first line holds a checksum of the rest, so that a damaged file is known as such; a file written by
+hand has no such line and is taken as it is. The version before lies beside it as NAME.prev.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from lodeline.calibration import ImuCalibration
+
+C = TypeVar("C", bound=ImuCalibration)
+Section = dict[str, Any]
+
+HEAD = re.compile(rb"# lodeline calibration, crc32 ([0-9a-f]{8})\n")
+HEAD_WORDS = (b"lodeline calibration", b"crc32")  # one of them is left of a damaged first line
+SECTIONS = ("gyro", "accel", "mag", "wheels")
+
+
+class CalibrationFileError(Exception):
+    """No calibration can be had from a file; the text begins with CAL_MISSING or CAL_CORRUPT."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loaded:
+    """Sections by name, and what had to be done to get them ("" if nothing)."""
+
+    sections: dict[str, Section]
+    note: str = ""
+
+
+def previous(file: Path) -> Path:
+    """Where the version before lies."""
+    return file.with_name(f"{file.name}.prev")
+
+
+def load(file: Path) -> Loaded:
+    """The newest complete version; CalibrationFileError if there is none."""
+    try:
+        return Loaded(_read(file))
+    except (OSError, ValueError) as error:
+        missing = isinstance(error, FileNotFoundError)
+        why = "missing" if missing else str(error)
+    try:
+        kept = _read(previous(file))
+    except (OSError, ValueError):
+        word = "CAL_MISSING" if missing else "CAL_CORRUPT"
+        reason = "" if missing else f" ({why})"
+        raise CalibrationFileError(
+            f"{word} {file.absolute()}{reason}: run `lodeline calibrate gyro -o {file}`"
+        ) from None
+    date = max((str(section.get("date", "?")) for section in kept.values()), default="?")
+    return Loaded(kept, f"CAL_CORRUPT {file} ({why}), using the version of {date}")
+
+
+def store(file: Path, name: str, section: Section) -> None:
+    """Put a section into the file, beside those that it has; all of it or nothing.
+
+    The file as it was becomes NAME.prev if it was whole. OSError if it cannot be written.
+    """
+    try:
+        sections = dict(load(file).sections)
+    except CalibrationFileError:
+        sections = {}
+    sections[name] = section
+    try:
+        _read(file)
+    except (OSError, ValueError):
+        pass  # what is damaged shall not take the place of a version that is not
+    else:
+        _replace(previous(file), file.read_bytes())
+    body = "".join(map(_text, sections.items())).encode()
+    _replace(file, b"# lodeline calibration, crc32 %08x\n" % zlib.crc32(body) + body)
+
+
+def calibrated(params: C, file: str) -> tuple[C, str]:
+    """The parameters with those of a file in their place, and a note if it was not whole.
+
+    Without a name of a file, the parameters as they are. CalibrationFileError for a file that is
+    missing, damaged, or says what makes no sense.
+    """
+    if not file:
+        return params, ""
+    from lodeline.params import build
+
+    path = Path(file).expanduser()
+    loaded = load(path)
+    known = {item.name for item in fields(ImuCalibration)}
+    values = {
+        name: value
+        for section in loaded.sections.values()
+        for name, value in section.items()
+        if name in known
+    }
+    made, problems = build(ImuCalibration, values)
+    if made is None:
+        raise CalibrationFileError(f"CAL_CORRUPT {path}: {problems[0].text}")
+    return replace(params, **{name: getattr(made, name) for name in values}), loaded.note
+
+
+def _read(file: Path) -> dict[str, Section]:
+    """The sections of one file; ValueError if it is not what somebody meant to write."""
+    from lodeline.pipeline.document import parse
+    from lodeline.pipeline.faults import Fault, PipelineError, Place
+
+    data = file.read_bytes()
+    if any(word in data.partition(b"\n")[0] for word in HEAD_WORDS):
+        head = HEAD.match(data)
+        if head is None or int(head[1], 16) != zlib.crc32(data[head.end() :]):
+            raise ValueError("crc")
+    faults: list[Fault] = []
+    try:
+        item = parse(data.decode(), lambda line, _: Place(str(file), line + 1, 1), faults)
+    except PipelineError as error:
+        faults.extend(error.faults)
+        item = None
+    except UnicodeDecodeError:
+        raise ValueError("is no text") from None
+    if faults:
+        raise ValueError(f"line {faults[0].line}: {faults[0].text}")
+    sections = item.plain() if item is not None else None
+    if not isinstance(sections, dict) or not sections:
+        raise ValueError("is empty")
+    for name, section in sections.items():
+        if name not in SECTIONS or not isinstance(section, Mapping):
+            raise ValueError(f"{name} is none of the sections {', '.join(SECTIONS)}")
+    return sections
+
+
+def _text(section: tuple[str, Section]) -> str:
+    name, values = section
+    lines = [f"  {key}: {json.dumps(value)}\n" for key, value in values.items()]
+    return f"{name}:\n{''.join(lines)}"
+
+
+def _replace(file: Path, data: bytes) -> None:
+    """Put bytes in the place of a file so that a crash or power cut leaves the old or the new."""
+    part = file.with_name(f".{file.name}.tmp")
+    try:
+        with part.open("wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        part.replace(file)
+    finally:
+        part.unlink(missing_ok=True)
+    folder = os.open(file.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

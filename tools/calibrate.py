@@ -1,0 +1,268 @@
+"""Calibrate a sensor from a recording, a table, or the pipeline that runs now.
+
+gyro: the sensor lies still for five seconds. accel: it lies still on each of its six sides, a
+second or more each, in any order. mag: the robot turns on the spot, once or more, or is turned
+about all its axes. wheels: a straight line of --distance metres (their radius), or --turns on one
+spot, counter-clockwise (their track).
+
+A table (CSV) has the columns of `lodeline estimate`, or t_s, left, right for wheels. The result is
+a section of a YAML file; `params: {file: ...}` of nodes/calibrate.py makes it hold. What is in the
+file already stays, the version before is kept as FILE.prev. Exit codes: 0 written, 1 refused (the
+reason is told, the file is as it was), 2 usage, 4 no pipeline runs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from lodeline.calibration import CalibrationRefusedError
+from lodeline.calibration.compass import CompassFit, fit_ellipse, fit_ellipsoid, fit_minmax
+from lodeline.calibration.still import fit_accelerometer, gyro_zero, resting_means
+from lodeline.calibration.wheels import WheelFit, fit_radius, fit_track
+from lodeline.calibration_file import CalibrationFileError, Section, load, previous, store
+from lodeline.recording import RecordingError
+from lodeline.recording.raw_readings import CLASSES, Readings, read
+from lodeline.rotation import Vector
+
+EXIT_FAILED, EXIT_NOTHING = 1, 4
+LIVE_SECONDS = {"gyro": 5.0, "accel": 120.0, "mag": 60.0, "wheels": 60.0}
+TRY_EVERY_S = 2.0
+WHOLE_TURN = 6.1  # rad; a live calibration waits for it
+MOST_READINGS = 20_000  # a fit of more gets no better, only slower
+
+
+def main(argv: list[str]) -> int:
+    """Run `lodeline calibrate`; the exit code."""
+    args = parser().parse_args(argv)
+    if args.kind == "wheels" and (args.distance is None) == (args.turns is None):
+        parser().error("wheels: either --distance or --turns")
+    from lodeline.watch import NothingThereError
+
+    try:
+        readings = read(args.source, args.kind) if args.source else follow(args)
+        section = calibration(args, readings)
+        stamped = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+        origin = args.source.name if args.source else "live"
+        kept = args.output.exists()
+        store(
+            args.output, args.kind, {"date": stamped, "chip": args.chip, "source": origin} | section
+        )
+    except NothingThereError as error:
+        print(error, file=sys.stderr)
+        return EXIT_NOTHING
+    except CalibrationRefusedError as error:
+        print(f"REFUSED {args.kind}: {error}", file=sys.stderr)
+        return EXIT_FAILED
+    except (RecordingError, CalibrationFileError, OSError) as error:
+        print(error, file=sys.stderr)
+        return EXIT_FAILED
+    before = f", the version before is {previous(args.output)}" if kept else ""
+    print(
+        f"{section['verdict']}\n{args.output}: {args.kind} written{before}\n{_use(args, section)}"
+    )
+    return 0
+
+
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline calibrate` takes."""
+    parser = argparse.ArgumentParser(
+        "lodeline calibrate",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("kind", choices=list(CLASSES), help="what to calibrate")
+    parser.add_argument(
+        "--from",
+        type=Path,
+        dest="source",
+        metavar="BAG|CSV",
+        help="a recording or a table; without it, the pipeline that runs",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("calibration.yaml"),
+        metavar="FILE",
+        help="where to (default: calibration.yaml here)",
+    )
+    parser.add_argument("--chip", default="not told", help="which sensor it is, for the record")
+    parser.add_argument(
+        "--method",
+        choices=["auto", "ellipse", "ellipsoid", "minmax"],
+        default="auto",
+        help="mag: how to fit; auto takes the ellipsoid if all sides were seen, else the ellipse",
+    )
+    parser.add_argument("--seconds", type=_positive, metavar="S", help="live: give up after S")
+    parser.add_argument("--name", metavar="PIPELINE", help="live: which one, if several run")
+    parser.add_argument("--distance", type=_positive, metavar="M", help="wheels: metres driven")
+    parser.add_argument("--turns", type=_positive, metavar="N", help="wheels: turns on one spot")
+    parser.add_argument(
+        "--ticks-per-turn",
+        type=_positive,
+        default=360.0,
+        metavar="N",
+        help="wheels: counts while a wheel turns once, gear and all (default: 360)",
+    )
+    parser.add_argument(
+        "--wheel-radius",
+        type=_positive,
+        metavar="M",
+        help="wheels, for --turns: if it is not in the file",
+    )
+    return parser
+
+
+def calibration(args: argparse.Namespace, readings: Readings) -> Section:
+    """The section that comes out of the readings; CalibrationRefusedError with the reason."""
+    if args.kind == "gyro":
+        zero = gyro_zero(readings.rates, readings.rate)
+        return {"residual": zero.error, "verdict": zero.verdict, "gyro_zero": zero.zero}
+    if args.kind == "accel":
+        rests = resting_means(readings.forces, readings.rates, readings.rate)
+        fit = fit_accelerometer(rests)
+        return {
+            "residual": fit.misfit,
+            "verdict": fit.verdict,
+            "accel_offset": fit.offset,
+            "accel_scale": fit.scale,
+        }
+    if args.kind == "mag":
+        compass = fit_compass(args.method, readings.fields)
+        return {
+            "residual": compass.misfit,
+            "verdict": compass.verdict,
+            "mag_offset": compass.offset,
+            "mag_matrix": compass.matrix,
+        }
+    return fit_wheels(args, readings)
+
+
+def fit_compass(method: str, fields: list[Vector]) -> CompassFit:
+    """By the method named; `auto` by the one that the readings allow."""
+    thinned = fields[:: 1 + len(fields) // MOST_READINGS]
+    fits = {"ellipse": fit_ellipse, "ellipsoid": fit_ellipsoid, "minmax": fit_minmax}
+    if method != "auto":
+        return fits[method](thinned)
+    try:
+        return fit_ellipsoid(thinned)
+    except CalibrationRefusedError as error:
+        whole = error
+    try:
+        return fit_ellipse(thinned)
+    except CalibrationRefusedError as error:
+        raise CalibrationRefusedError(f"{error} (nor as turns about all axes: {whole})") from None
+
+
+def fit_wheels(args: argparse.Namespace, readings: Readings) -> Section:
+    """Radius or track; the section keeps the other one if the file has it."""
+    try:
+        known = load(args.output).sections.get("wheels", {})
+    except CalibrationFileError:
+        known = {}
+    kept = {name: known[name] for name in ("wheel_radius", "track") if name in known}
+    (left, right), (left_end, right_end) = readings.counts[0], readings.counts[-1]
+    counts = (left_end - left, right_end - right)
+    if args.distance is not None:
+        fit = fit_radius(*counts, args.ticks_per_turn, args.distance)
+        name = "wheel_radius"
+    else:
+        radius = args.wheel_radius or kept.get("wheel_radius")
+        if radius is None:
+            raise CalibrationRefusedError(
+                "the radius of the wheels is not known: --wheel-radius, or --distance first"
+            )
+        fit = fit_track(*counts, args.ticks_per_turn, args.turns, radius)
+        kept["wheel_radius"] = radius
+        name = "track"
+    return (
+        {"residual": fit.difference, "verdict": _wheels_verdict(name, fit)}
+        | kept
+        | {
+            name: fit.length,
+            "left_sign": fit.left_sign,
+            "right_sign": fit.right_sign,
+        }
+    )
+
+
+def _wheels_verdict(name: str, fit: WheelFit) -> str:
+    return f"{name} {fit.length:.5f} m, the wheels differ by {100.0 * fit.difference:.1f} %"
+
+
+def follow(args: argparse.Namespace) -> Readings:
+    """Samples of the running pipeline, until they suffice or time is up."""
+    from lodeline.watch import Watch, choose
+    from lodeline_msgs import unpack
+
+    cls, ending = CLASSES[args.kind]
+    seconds = args.seconds or LIVE_SECONDS[args.kind]
+    enough: Callable[[Readings], bool] = _ENOUGH.get(args.kind, lambda _: False)
+    readings = Readings()
+    tried = 0.0
+
+    def take(data: bytes, _encoding: str) -> bool:
+        nonlocal tried
+        readings.take(unpack(data, cls))
+        if readings.seconds >= seconds:
+            return False
+        if readings.seconds - tried < TRY_EVERY_S:
+            return True
+        tried = readings.seconds
+        if sys.stderr.isatty():
+            print(f"{tried:.0f} of {seconds:.0f} s at most", file=sys.stderr)
+        return not enough(readings)
+
+    with Watch(choose(args.name)) as watch:
+        print(f"{_TODO[args.kind]} ({seconds:.0f} s at most)", file=sys.stderr, flush=True)
+        watch.follow(watch.full_key(ending), take, seconds + TRY_EVERY_S)
+    if not readings.times:
+        raise CalibrationRefusedError(f"nothing came on .../{ending}")
+    return readings
+
+
+def _turned_round(readings: Readings) -> bool:
+    try:
+        return fit_compass("auto", readings.fields).coverage > WHOLE_TURN
+    except CalibrationRefusedError:
+        return False
+
+
+def _all_sides(readings: Readings) -> bool:
+    try:
+        fit_accelerometer(resting_means(readings.forces, readings.rates, readings.rate))
+    except CalibrationRefusedError:
+        return False
+    return True
+
+
+_ENOUGH = {"mag": _turned_round, "accel": _all_sides}
+_TODO = {
+    "gyro": "keep the robot still",
+    "accel": "lay the sensor on each of its six sides, a second or more each",
+    "mag": "turn the robot on the spot, once or more",
+    "wheels": "drive now",
+}
+
+
+def _use(args: argparse.Namespace, section: Section) -> str:
+    if args.kind == "wheels":
+        names = ("wheel_radius", "track", "left_sign", "right_sign")
+        values = ", ".join(f"{name}: {section[name]}" for name in names if name in section)
+        return f"to use it, write into the params of nodes/odometry.py: {{{values}}}"
+    return f"to use it, write into the params of nodes/calibrate.py: {{file: {args.output}}}"
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
