@@ -33,7 +33,9 @@ class Simulator(Driver[SimulatorParams]):
         self.serve(None)
 
     def serve(self, state: RobotState | None) -> None:
-        self.robot = SimulatedRobot(self.params.robot, self.context.monotonic, state)
+        self.robot = SimulatedRobot(
+            self.params.robot, self.context.monotonic, state, waiting=state is None
+        )
         self.server = I2cServer(self.robot.bus, self.context.sim_socket)
 
     def close(self) -> None:
@@ -51,6 +53,7 @@ class Simulator(Driver[SimulatorParams]):
         self.robot.command(command.v, command.w)
 
     def tick(self, stamp: int) -> None:
+        self.robot.begin()
         self.truth.send(Odometry(stamp, *self.robot.truth(), *EXACT))
 
 

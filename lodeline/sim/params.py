@@ -27,6 +27,7 @@ POSITIVE = (
 class RobotParams:
     """The robot (of the magnet lab), its floor and its sensors.
 
+    It stands for `standing` before it drives off, as a robot that was just switched on does.
     What odometry cannot know: a wheel's true radius is `wheel_radius` (1 + its scale error), and
     its grip wanders about that by `slip`, with a memory of `slip_time`. `bump_height` is that of a
     strip `bump_width` wide across the floor at x = `bump_x`, over which the wheels and the castor
@@ -40,6 +41,7 @@ class RobotParams:
     seed: Annotated[int, "1"] = 1
     wheel_radius: Annotated[float, "m"] = 0.0215
     track: Annotated[float, "m"] = 0.112
+    standing: Annotated[float, "s"] = 2.0
     speed: Annotated[float, "m/s"] = 0.12
     course_straight: Annotated[float, "m"] = 0.35
     course_radius: Annotated[float, "m"] = 0.20

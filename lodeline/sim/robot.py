@@ -50,17 +50,22 @@ class SimulatedRobot:
 
     `clock` [s] may start anywhere. With a `state` of an earlier robot this one is where that one
     would be by now, for a robot drives on while nobody simulates it; its chips are fresh from
-    power-on.
+    power-on. With `waiting` its time stands still until `begin` is called.
     """
 
     def __init__(
-        self, params: RobotParams, clock: Callable[[], float], state: RobotState | None = None
+        self,
+        params: RobotParams,
+        clock: Callable[[], float],
+        state: RobotState | None = None,
+        *,
+        waiting: bool = False,
     ) -> None:
         self._lock = threading.RLock()
         begun = replace(state) if state is not None else RobotState(start=clock())
         self._world = World(params, begun)
         self._clock = clock
-        self._start = begun.start
+        self._start = None if waiting else begun.start
         self.bus = BusModel(self._lock)
         sensors = Sensors(params, self._world)
         now = self.now
@@ -86,9 +91,15 @@ class SimulatedRobot:
         if params.bar_chip != "none":
             self.bus.attach(BAR_ADDRESS, self.bar)
 
+    def begin(self) -> None:
+        """Let time pass from now on, if it does not yet."""
+        with self._lock:
+            if self._start is None:
+                self._start = self._clock()
+
     def now(self) -> float:
         """Time of the simulation [s]."""
-        return self._clock() - self._start
+        return 0.0 if self._start is None else self._clock() - self._start
 
     def truth(self) -> Truth:
         """Return where the robot is now."""
@@ -106,4 +117,5 @@ class SimulatedRobot:
         """A copy of all there is to save, at this moment."""
         with self._lock:
             self._world.advance(self.now())
-            return RobotState(**asdict(self._world.state))
+            start = self._clock() if self._start is None else self._start
+            return RobotState(**{**asdict(self._world.state), "start": start})

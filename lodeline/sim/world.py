@@ -141,6 +141,8 @@ class World:
         if self.now < state.command_until:
             state.on_course = False
             return state.command_v, state.command_w
+        if self.now < p.standing:
+            return 0.0, 0.0
         if not state.on_course:
             state.course_at = self._course.nearest(state.x, state.y)
             state.on_course = True

@@ -351,6 +351,22 @@ def test_a_robot_drives_on_while_its_simulator_is_away() -> None:
     assert state.step == round(12.0 / STEP), "a state once taken stays what it was"
 
 
+def test_time_stands_still_until_it_is_let_go_and_the_robot_a_little_longer() -> None:
+    now = 100.0
+    robot = SimulatedRobot(RobotParams(standing=2.0), lambda: now, waiting=True)
+    now = 130.0
+    assert robot.now() == 0.0
+    assert robot.truth() == (0.0, 0.0, 0.0, 0.0, 0.0)
+    robot.begin()
+    now = 131.9
+    assert robot.truth() == (0.0, 0.0, 0.0, 0.0, 0.0)
+    robot.begin()
+    now = 133.0
+    assert robot.now() == pytest.approx(3.0)
+    assert robot.truth().x > 0.08
+    assert SimulatedRobot(RobotParams(), lambda: now, robot.state).truth() == robot.truth()
+
+
 def test_the_robot_takes_commands_between_reads() -> None:
     now = 0.0
     robot = SimulatedRobot(RobotParams(), lambda: now)
