@@ -14,6 +14,7 @@ Covariance3 = tuple[float, float, float, float, float, float, float, float, floa
 STILL: Matrix2 = (0.0, 0.0, 0.0, 0.0)
 CERTAIN: Covariance3 = (0.0,) * 9
 RESTART_TICKS = 2  # a robot that really comes back to (0, 0) gets there by fewer counts than this
+RESTART_WAY = 0.002  # m: a robot at its start trembles about zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +138,9 @@ class Odometry:
         """Both counters read exactly zero: a restart, unless the wheels were on their way there."""
         speeds = self._drive.wheels(self.state.v, self.state.w)
         return any(
-            abs(count) > RESTART_TICKS and (way * speed <= 0.0 or abs(way) > 2.0 * abs(speed) * dt)
+            abs(count) > RESTART_TICKS
+            and abs(way) > RESTART_WAY
+            and (way * speed <= 0.0 or abs(way) > 2.0 * abs(speed) * dt)
             for count, way, speed in zip(counts, ways, speeds, strict=True)
         )
 

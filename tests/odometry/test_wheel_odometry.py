@@ -17,6 +17,7 @@ from lodeline.odometry import (
 )
 
 LAB = OdometryParams()  # 360 counts a turn, radius 21.5 mm, track 112 mm
+TREMBLE = [(0, 0), (6, -5), (-4, 3), (0, 0), (-7, -7), (0, 0), (9, 0)]
 MS = 1_000_000
 
 
@@ -174,6 +175,14 @@ def test_a_robot_that_drives_back_over_zero_is_not_taken_for_a_restart() -> None
     assert odometry.state.resets == 0
     way = 5 * 19 / 360 * 2 * math.pi * 0.0215
     assert estimates[-1].x == pytest.approx(-way, abs=1e-9)
+
+
+def test_a_fine_encoder_that_trembles_about_zero_is_not_taken_for_a_restart() -> None:
+    fine = OdometryParams(ticks_per_turn=16384.0)
+    tremble = [(i * 10 * MS, left, right) for i, (left, right) in enumerate(TREMBLE * 20)]
+    odometry, estimates = driven(fine, tremble)
+    assert odometry.state.resets == 0
+    assert abs(estimates[-1].x) < 1e-4
 
 
 def test_a_parked_robot_gets_no_less_sure() -> None:
