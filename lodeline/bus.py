@@ -155,7 +155,10 @@ class Session:
 
     def ask(self, key: str, timeout: float = 1.0) -> list[tuple[str, bytes]]:
         """All answers (key, data) to a query, at most `timeout` seconds later."""
-        replies = self._session.get(key, timeout=timeout)
+        # Two machines that claim one host answer with one key: both are wanted.
+        replies = self._session.get(
+            key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE
+        )
         good = [reply.ok for reply in replies if reply.ok is not None]
         return [(str(sample.key_expr), sample.payload.to_bytes()) for sample in good]
 

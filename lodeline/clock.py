@@ -29,6 +29,10 @@ class HostClock:
     def saw(self, stamp: int) -> None:
         """Time goes its own way."""
 
+    def follow(self, epoch_offset: int) -> None:
+        """Take another host's time from now on: a machine that samples come to goes by theirs."""
+        self._offset = epoch_offset
+
 
 class RecordingClock:
     """Time as far as the samples have told it: the newest stamp seen."""
@@ -46,8 +50,3 @@ class RecordingClock:
 def epoch_offset() -> int:
     """UNIX time less monotonic time, now [ns]."""
     return time.time_ns() - time.monotonic_ns()
-
-
-def make_clock(kind: str, offset: int) -> Clock:
-    """The clock of a pipeline: `host` or `recording`."""
-    return RecordingClock() if kind == "recording" else HostClock(offset)

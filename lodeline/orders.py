@@ -9,11 +9,17 @@ from typing import Any
 
 
 class Orders:
-    """What the outside wants: `go` on a line of standard input; `stop` at its end or by signal."""
+    """What the outside wants: `go` on a line of standard input; `stop` at its end or by signal.
+
+    `epoch N` gives the time of another host to go by: `epoch` [ns] is UNIX time there less
+    monotonic time here, None while there is nothing new.
+    """
 
     def __init__(self) -> None:
         self.go = False
         self.stop = False
+        self.epoch: int | None = None
+        self._rest = b""
         self._wake, write = os.pipe()
         os.set_blocking(write, False)
         signal.set_wakeup_fd(write, warn_on_full_buffer=False)
@@ -31,4 +37,10 @@ class Orders:
         if 0 in ready:
             text = os.read(0, 64)
             self.stop = self.stop or not text
-            self.go = self.go or b"go" in text
+            *lines, self._rest = (self._rest + text).split(b"\n")
+            for line in lines:
+                word, _, value = line.partition(b" ")
+                if word == b"go":
+                    self.go = True
+                elif word == b"epoch":
+                    self.epoch = int(value)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from lodeline.bus import Peer, Publisher
-from lodeline.clock import HostClock, make_clock
+from lodeline.clock import Clock, HostClock, RecordingClock
 from lodeline.graph import Graph
 from lodeline.health import Gossip
 from lodeline.inlet import Inlet, anybody
@@ -51,7 +51,8 @@ class NodeProcess:
     def __init__(self, launch: Launch, types: Mapping[str, type[Node[Any]]]) -> None:
         self.launch = launch
         self.lock = threading.RLock()
-        self.clock = make_clock(launch.clock, launch.epoch_offset)
+        self.host_clock = HostClock(launch.epoch_offset)
+        self.clock: Clock = RecordingClock() if launch.clock == "recording" else self.host_clock
         self.failed = threading.Event()
         folder = Path(launch.run_folder)
         self.nodes = {
@@ -75,7 +76,7 @@ class NodeProcess:
         for item in launch.nodes:
             self._connect(item, marks.get(item.name))
         self.tickers = [
-            Ticker(node, HostClock(launch.epoch_offset), self.lock, self._ticking_failed)
+            Ticker(node, self.host_clock, self.lock, self._ticking_failed)
             for node in self.nodes.values()
             if isinstance(node, Driver)
         ]
@@ -156,6 +157,9 @@ class NodeProcess:
                 notifier.send("LINKED=1")
             if self.missed.due():
                 self._catch_up()
+            if orders.epoch is not None:
+                self.host_clock.follow(orders.epoch)
+                orders.epoch = None
             if orders.go:
                 orders.go = False
                 for ticker in self.tickers:

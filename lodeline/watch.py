@@ -129,7 +129,9 @@ class Watch:
             return
         with self._changed:
             known = self._statuses.get(status.node)
-            if known is None or status.stamp >= known.stamp:
+            # The time that a node goes by may be set back: then its numbering tells.
+            later = known is not None and (known.pid, known.seq) < (status.pid, status.seq)
+            if known is None or later or status.stamp >= known.stamp:
                 self._statuses[status.node] = status
                 self._came[status.node] = time.monotonic()
             self._changed.notify_all()
@@ -150,10 +152,26 @@ class Watch:
             for node in process["nodes"]
         }
 
-    def ask(self, what: str) -> dict[str, Any]:
-        """Answers of the supervisors to `NAME/WHAT/HOST`, by host."""
-        answers = self._client.ask(f"{self.manifest.name}/{what}/*")
-        return {key.rpartition("/")[2]: json.loads(data) for key, data in answers}
+    def clock_bars(self) -> dict[frozenset[str], float]:
+        """How well [s] the clocks of two hosts are known to each other, by pair of hosts.
+
+        A pair of which nothing is known is left out.
+        """
+        bars: dict[frozenset[str], float] = {}
+        if len(set(self.manifest.places.values())) < 2:
+            return bars
+        for word, report in self.ask("@ps").items():
+            hosts = word.split("+")  # one machine, one clock
+            bars |= {frozenset((a, b)): 0.0 for a in hosts for b in hosts if a != b}
+            for link in report["links"]:
+                if link["clock"]:
+                    bars[frozenset((word, link["host"]))] = link["clock"]["error"]
+        return bars
+
+    def ask(self, what: str, rest: str = "") -> dict[str, Any]:
+        """Answers of the supervisors to `NAME/WHAT/HOST` and the rest, by host."""
+        answers = self._client.ask(f"{self.manifest.name}/{what}/*{rest}")
+        return {key.split("/")[2]: json.loads(data) for key, data in answers}
 
     def subscribe(self, key: str, queue: int, take: Callable[[str, bytes, str], None]) -> None:
         """Call `take(key, data, encoding)`, in a thread, for each sample of a full key."""

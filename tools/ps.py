@@ -112,6 +112,8 @@ def _link(link: dict[str, Any]) -> str:
     text = f"link to {link['host']}: {link['state']} {_duration(link['seconds'])}"
     if link["machine"]:
         text += f", machine {link['machine']}"
+    if clock := link["clock"]:
+        text += f", its clock {clock['offset']:+.4f} s +- {clock['error'] * 1e3:.1f} ms"
     return "".join((text, *(f"; MISMATCH {fault}" for fault in link["faults"])))
 
 

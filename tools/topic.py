@@ -201,7 +201,8 @@ def _traffic(watch: Watch, arguments: argparse.Namespace) -> int:
     for _ in watch.ticks(STATUS_PERIOD_S):
         statuses = watch.statuses(patience)
         patience = 0.0
-        rows = [traffic(watch.manifest, statuses, key) for key in keys]
+        bars = watch.clock_bars()
+        rows = [traffic(watch.manifest, statuses, key, bars) for key in keys]
         text = json.dumps(rows) if arguments.json else arguments.table(rows)
         print(text, end="\n" if arguments.json or not arguments.follow else "\n\n", flush=True)
         if not arguments.follow:

@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from lodeline.hosts.offset import Offset
     from lodeline.pipeline.model import Pipeline
     from lodeline.run_folder import Manifest
 
@@ -88,9 +89,10 @@ def _seconds(text: str) -> float:
 def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: float) -> int:
     """Run the share of a host, linked with the others, or all hosts by this machine alone."""
     from lodeline.bus import Gateway, Hub
-    from lodeline.clock import epoch_offset
+    from lodeline.clock import HostClock, epoch_offset
     from lodeline.hosts.links import Link, LinkError, check_listen, link_of, shown
     from lodeline.hosts.neighbours import Neighbours
+    from lodeline.hosts.offset import NodeTime
     from lodeline.hosts.share import share_of
     from lodeline.notify import Notifier
     from lodeline.run_folder import RunFolder, marker_of
@@ -103,7 +105,11 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
     link = link_of(pipeline, host) if host else Link()
     check_listen(link.listen)
     with RunFolder(pipeline.name, hosts) as run:
-        plans = plans_of(pipeline, hosts, run.path, epoch_offset())
+        own = epoch_offset()
+        # Samples come from the host that listens, so its time is everybody's.
+        reference = next((each.name for each in pipeline.hosts.values() if each.listen), None)
+        node_time = NodeTime(own, reference if link.ends and reference != host else None)
+        plans = plans_of(pipeline, hosts, run.path, node_time.epoch)
         book = LogBook()
         names = [plan.name for plan in plans]
         console = Console(sys.stderr.fileno(), names, _coloured(), book.add)
@@ -126,10 +132,17 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             service = Notifier()  # whoever started us, if it is systemd
 
             hub = Hub(run.path)
-            gateway = Gateway(run.path, link) if link.ends else None
+            gateways = [Gateway(run.path, link)] if link.ends else []
+
+            def reopen() -> None:
+                """A line that is up but deaf in one direction."""
+                if link.connect:
+                    gateways.pop().close(timeout=1.0)
+                    gateways.append(Gateway(run.path, link))
+
             others = tuple(each for each in pipeline.hosts if link.ends and each != host)
             share = share_of(pipeline, hosts, manifest.host, shown(link.listen))
-            neighbours = Neighbours(hub, share, others, console.event)
+            neighbours = Neighbours(hub, share, others, console.event, HostClock(own), reopen)
             try:
                 if link.ends and (why := neighbours.rival()):
                     raise LinkError(why)
@@ -143,6 +156,13 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                     on_beat=lambda: service.send("WATCHDOG=1"),
                 )
 
+                def on_offset(other: str, offset: Offset) -> None:
+                    if node_time.follow(other, offset):
+                        console.event(f"TIME of {other} from now on: {offset.seconds:+.6f} s")
+                        supervisor.tell_all(f"epoch {node_time.epoch()}")
+
+                neighbours.on_offset = on_offset
+
                 def report() -> bytes:
                     about = {"digest": pipeline.digest, "links": neighbours.describe()}
                     return json.dumps(about | supervisor.report()).encode()
@@ -155,7 +175,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             finally:
                 book.close()
                 neighbours.close()
-                if gateway is not None:
+                for gateway in gateways:
                     gateway.close(timeout=1.0)
                 hub.close(timeout=1.0)
         finally:

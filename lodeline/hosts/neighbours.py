@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import queue
 import threading
 import time
@@ -9,12 +10,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from lodeline.clock import HostClock
+from lodeline.hosts.offset import Offset, better, measured
 from lodeline.hosts.share import Share, claimed, differences, taken
 
 LOOK_S = 0.7
 """How long a start looks for another machine that runs the same share."""
 ASK_S = 1.0
 ASK_AGAIN_S = 0.05
+PING_S = 2.0
+PINGS = 4
+DEAF_PINGS = 3 * PINGS
+"""So often may another host say that it does not see us before the line is opened anew."""
 
 
 class Bus(Protocol):
@@ -38,18 +45,31 @@ class Neighbour:
     since: float
     share: Share | None = None
     faults: list[str] = field(default_factory=list)
+    offset: Offset | None = None
+    deaf: int = 0
 
 
 class Neighbours:
     """Follows the claims on a pipeline's name; `event(text)` tells what is worth a log line.
 
-    `others` are the hosts that the pipeline file names besides this one.
+    `others` are the hosts that the pipeline file names besides this one; `clock` is what other
+    hosts get when they ask for the time here. `on_deaf()` is called when a host that we see goes
+    on saying that it does not see us: such a line is up, but brings nothing one way.
     """
 
     def __init__(
-        self, bus: Bus, share: Share, others: tuple[str, ...], event: Callable[[str], None]
+        self,
+        bus: Bus,
+        share: Share,
+        others: tuple[str, ...],
+        event: Callable[[str], None],
+        clock: HostClock,
+        on_deaf: Callable[[], None] = lambda: None,
     ) -> None:
         self._bus = bus
+        self._clock = clock
+        self._on_deaf = on_deaf
+        self.on_offset: Callable[[str, Offset], None] = lambda _host, _offset: None
         self._share = share
         self._event = event
         now = time.monotonic()
@@ -76,6 +96,7 @@ class Neighbours:
         """From now on this share is ours, for all to see."""
         self._started = True
         self._bus.serve(self._share.key, self._share.to_json)
+        self._bus.serve(self._clock_key(self._share), self._time)
         self._bus.claim(self._share.claim)
 
     def describe(self) -> list[dict[str, Any]]:
@@ -90,6 +111,16 @@ class Neighbours:
         self._claims.put(None)
         self._thread.join(ASK_S + 0.5)
 
+    def _clock_key(self, share: Share) -> str:
+        return f"{share.name}/@clock/{share.host}/{share.run}"
+
+    def _time(self) -> bytes:
+        """Our time, and whose claims we see."""
+        now = self._clock.now()
+        with self._lock:
+            sees = [item.share.run for item in self._known.values() if item.there and item.share]
+        return json.dumps({"now": now, "sees": sees}).encode()
+
     def _on_claim(self, key: str, there: bool) -> None:
         host, run = claimed(key)
         if run == self._share.run:
@@ -99,7 +130,16 @@ class Neighbours:
         self._claims.put((host, run, there))
 
     def _follow(self) -> None:
-        while (item := self._claims.get()) is not None:
+        next_ping = time.monotonic()
+        while True:
+            try:
+                item = self._claims.get(timeout=max(0.0, next_ping - time.monotonic()))
+            except queue.Empty:
+                next_ping = time.monotonic() + PING_S
+                self._ping_all()
+                continue
+            if item is None:
+                return
             host, run, there = item
             if host == self._share.host:
                 self._on_rival(host, run, there)
@@ -107,6 +147,34 @@ class Neighbours:
                 self._come(host, run)
             else:
                 self._go(host, run)
+
+    def _ping_all(self) -> None:
+        with self._lock:
+            seen = [item for item in self._known.values() if item.there and item.share]
+        for neighbour in seen:
+            for _ in range(PINGS):
+                if not self._ping(neighbour):
+                    break
+            if neighbour.offset is not None:
+                self.on_offset(neighbour.host, neighbour.offset)
+            if neighbour.deaf >= DEAF_PINGS:
+                neighbour.deaf = 0
+                self._event(f"LINK_DEAF {neighbour.host} does not see us: opening it anew")
+                self._on_deaf()
+
+    def _ping(self, neighbour: Neighbour) -> bool:
+        """One question for the time; whether it was answered."""
+        assert neighbour.share is not None
+        sent = self._clock.now()
+        answers = self._bus.ask(self._clock_key(neighbour.share), ASK_S)
+        received, now = self._clock.now(), time.monotonic_ns()
+        if not answers:
+            return False
+        answer = json.loads(answers[0][1])
+        neighbour.deaf = 0 if self._share.run in answer["sees"] else neighbour.deaf + 1
+        found = measured(sent, int(answer["now"]), received, now)
+        neighbour.offset = better(neighbour.offset, found, now)
+        return True
 
     def _ask(self, host: str, run: str) -> Share | None:
         """Their share; the way to it may be known a moment later than the claim."""
@@ -140,6 +208,7 @@ class Neighbours:
             faults = differences(self._share, share)
         with self._lock:
             self._known[host] = Neighbour(host, True, time.monotonic(), share, faults)
+        self._ping_all()
         machine = f" on machine {share.machine}" if share else ""
         self._event(f"LINKED {host}{machine}")
         for fault in faults:
@@ -155,12 +224,17 @@ class Neighbours:
 
 
 def _described(neighbour: Neighbour, now: float) -> dict[str, Any]:
-    share = neighbour.share
+    share, offset = neighbour.share, neighbour.offset
+    clock = None
+    if offset is not None and neighbour.there:
+        bar = offset.aged(time.monotonic_ns())
+        clock = {"offset": round(offset.seconds, 6), "error": round(bar, 6)}
     return {
         "host": neighbour.host,
         "state": "linked" if neighbour.there else ("lost" if share else "waiting"),
         "seconds": round(now - neighbour.since, 3),
         "machine": share.machine if share else None,
         "digest": share.digest if share else None,
+        "clock": clock,
         "faults": list(neighbour.faults),
     }

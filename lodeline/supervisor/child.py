@@ -122,6 +122,11 @@ class Child:
             self._process.tell("go")
             self._become("running")
 
+    def tell(self, order: str) -> None:
+        """A line on its standard input, if it lives."""
+        if self._process is not None:
+            self._process.tell(order)
+
     def check(self, now: float) -> None:
         """See whether it is late with something, and act."""
         if not self.alive or now < self._due:

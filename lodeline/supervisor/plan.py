@@ -47,9 +47,12 @@ class Timing:
 
 
 def plans_of(
-    pipeline: Pipeline, hosts: Sequence[str], folder: Path, epoch_offset: int
+    pipeline: Pipeline, hosts: Sequence[str], folder: Path, epoch_offset: Callable[[], int]
 ) -> list[Plan]:
-    """Plans for the share of these hosts, in the order in which data flow."""
+    """Plans for the share of these hosts, in the order in which data flow.
+
+    `epoch_offset()` [ns] is asked at each start.
+    """
     plans: dict[tuple[str, str], Plan] = {}
     for spec in pipeline.nodes:
         where = (spec.host, spec.process)
@@ -59,7 +62,9 @@ def plans_of(
     return list(plans.values())
 
 
-def _plan(pipeline: Pipeline, specs: list[NodeSpec], folder: Path, epoch_offset: int) -> Plan:
+def _plan(
+    pipeline: Pipeline, specs: list[NodeSpec], folder: Path, epoch_offset: Callable[[], int]
+) -> Plan:
     host, process = specs[0].host, specs[0].process
     program = (str(specs[0].run),) if len(specs) == 1 else ("-m", "lodeline.process")
     wanted = {spec.restart for spec in specs}
@@ -70,7 +75,7 @@ def _plan(pipeline: Pipeline, specs: list[NodeSpec], folder: Path, epoch_offset:
         nodes=tuple(spec.name for spec in specs),
         command=(sys.executable, "-P", *program),
         launch=lambda restarts: launch_of(
-            pipeline, host, process, folder, epoch_offset, restarts
+            pipeline, host, process, folder, epoch_offset(), restarts
         ).to_json(),
         restart=_most_patient(wanted),
         required=any(spec.required for spec in specs),

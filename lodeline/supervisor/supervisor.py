@@ -52,6 +52,7 @@ class Supervisor:
         self._started = time.monotonic()
         self._changed = asyncio.Event()
         self._over: asyncio.Future[int] | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
 
     async def run(self, seconds: float | None = None) -> int:
         """Start all, keep all alive, stop all; the exit code.
@@ -59,7 +60,7 @@ class Supervisor:
         Ends `seconds` after the release, by SIGTERM or SIGHUP (code 0), by SIGINT (130), when a
         required process has failed (5), or when none is left (0, or 5 if one of them failed).
         """
-        loop = asyncio.get_running_loop()
+        self._loop = loop = asyncio.get_running_loop()
         self._started = time.monotonic()
         self._over = loop.create_future()
         self._listen_to_signals(loop)
@@ -103,6 +104,15 @@ class Supervisor:
             "uptime": round(now - self._started, 3),
             "processes": [child.describe(now) for child in self.children],
         }
+
+    def tell_all(self, order: str) -> None:
+        """A line for every process; may be called from any thread once `run` has begun."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._tell_all, order)
+
+    def _tell_all(self, order: str) -> None:
+        for child in self.children:
+            child.tell(order)
 
     def _listen_to_signals(self, loop: asyncio.AbstractEventLoop) -> None:
         loop.add_signal_handler(signal.SIGINT, self._interrupt)

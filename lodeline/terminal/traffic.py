@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from lodeline.run_folder import Manifest
@@ -12,11 +13,17 @@ from lodeline_msgs import NodeStatus
 Row = dict[str, Any]
 
 
-def traffic(manifest: Manifest, statuses: Mapping[str, NodeStatus], key: str) -> Row:
+def traffic(
+    manifest: Manifest,
+    statuses: Mapping[str, NodeStatus],
+    key: str,
+    bars: Mapping[frozenset[str], float] = MappingProxyType({}),
+) -> Row:
     """What is known of a full key: rate [Hz] and bandwidth [B/s] at its sender; at each reader
     ages [s] of the last second, and samples received, lost and late since it started.
 
-    A reader that gets the samples from its own process, by direct calls, has None for all.
+    A reader that gets the samples from its own process, by direct calls, has None for all. Ages
+    have an `age_error` [s], from the `bars` between the clocks of two hosts: None if it is unknown.
     """
     node = manifest.keys[key].node
     source = statuses.get(node or "")
@@ -28,6 +35,7 @@ def traffic(manifest: Manifest, statuses: Mapping[str, NodeStatus], key: str) ->
         "bandwidth": None if source is None else source.bandwidths.get(key),
         "to": {
             reader.node: _at_reader(statuses.get(reader.node), key)
+            | {"age_error": _age_error(manifest.places, node, reader.node, bars)}
             for reader in manifest.readers.get(key, ())
         },
     }
@@ -44,6 +52,13 @@ def _at_reader(status: NodeStatus | None, key: str) -> Row:
     }
 
 
+def _age_error(
+    places: Mapping[str, str], source: str | None, reader: str, bars: Mapping[frozenset[str], float]
+) -> float | None:
+    there, here = places.get(source or ""), places.get(reader)
+    return 0.0 if there == here or there is None else bars.get(frozenset((there, here or "")))
+
+
 def hz_table(rows: Iterable[Row]) -> str:
     """Rates, and how the samples fare at each reader."""
     headings = ("KEY", "HZ", "READ BY", "AGE P50", "P99", "LOST", "LATE")
@@ -51,8 +66,8 @@ def hz_table(rows: Iterable[Row]) -> str:
         (
             *_once(first, row["key"], number(row["rate"])),
             node,
-            milliseconds(seen["age_p50"]),
-            milliseconds(seen["age_p99"]),
+            _age(seen, "age_p50"),
+            _age(seen, "age_p99"),
             *_counts(seen),
         )
         for row in rows
@@ -84,8 +99,8 @@ def delay_table(rows: Iterable[Row]) -> str:
         (
             *_once(first, row["key"]),
             node,
-            milliseconds(seen["age_p50"]),
-            milliseconds(seen["age_p99"]),
+            _age(seen, "age_p50"),
+            _age(seen, "age_p99"),
             _counts(seen)[1],
         )
         for row in rows
@@ -103,9 +118,20 @@ def milliseconds(seconds: float | None) -> str:
     return "-" if seconds is None else f"{seconds * 1e3:.2f} ms"
 
 
+def _age(seen: Row, name: str) -> str:
+    """An age, with its bar if it is of two clocks; doubtful if there is none."""
+    age, error = seen[name], seen["age_error"]
+    if age is None or error == 0.0:
+        return milliseconds(age)
+    return (
+        f"({milliseconds(age)} ?)" if error is None else f"{milliseconds(age)} +-{error * 1e3:.1f}"
+    )
+
+
 def _readers(row: Row) -> list[tuple[bool, str, Row]]:
     """(whether it is the first, its name, what it saw) of each reader, `-` if there is none."""
-    nobody = {"age_p50": None, "age_p99": None, "lost": None, "late": None}
+    nobody: Row = {"age_p50": None, "age_p99": None, "lost": None, "late": None}
+    nobody["age_error"] = 0.0
     readers = row["to"] or {"-": nobody}
     return [(place == 0, node, seen) for place, (node, seen) in enumerate(readers.items())]
 

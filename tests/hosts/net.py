@@ -20,7 +20,8 @@ nodes:
   source: {{run: nodes/source.py, inputs: {{cmd_vel: cmd_vel}}, outputs: {{wheels: wheels}},
            rate: {{wheels: 100}}}}
   smoother: {{run: nodes/smoother.py, inputs: {{wheels: wheels}}, outputs: {{speed: speed}}}}
-  watcher: {{run: nodes/watcher.py, host: {watcher}, inputs: {{speed: speed}},
+  watcher: {{run: nodes/watcher.py, host: {watcher},
+            inputs: {{speed: {{key: speed, max_age: 5.0}}}},
             params: {{limit: 3}}}}
 """
 

@@ -1,0 +1,161 @@
+"""Claims about hosts whose clocks differ: the bar is honest, and ages go by one of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from lodeline.hosts.offset import NodeTime, Offset, better, measured
+from tests.hosts.net import Host, Net
+from tests.support.live import ROOT, environment, eventually
+
+SKEW_S = 600
+# UNIX time of one process set forward, its monotonic clock left as it is.
+SHIM = """
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <time.h>
+int clock_gettime(clockid_t id, struct timespec *at) {
+    static int (*real)(clockid_t, struct timespec *);
+    if (!real) real = (int (*)(clockid_t, struct timespec *))dlsym(RTLD_NEXT, "clock_gettime");
+    int result = real(id, at);
+    if (!result && id == CLOCK_REALTIME) at->tv_sec += %d;
+    return result;
+}
+"""
+
+# zenoh as it comes, in its mode `router`: open to everybody.
+OPEN_ROUTER = """
+import zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"router"')
+with zenoh.open(config):
+    print(flush=True)
+    input()
+"""
+
+
+@pytest.fixture
+def skewed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes that are started from now on live 600 s in the future."""
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler for a clock that is wrong")
+    source, library = tmp_path / "skew.c", tmp_path / "skew.so"
+    source.write_text(SHIM % SKEW_S)
+    subprocess.run(
+        [compiler, "-shared", "-fPIC", "-o", str(library), str(source), "-ldl"], check=True
+    )
+    monkeypatch.setenv("LODELINE_TEST_SKEW", str(library))
+
+
+def doctor(host: Host, what: str) -> dict[str, Any]:
+    """What `lodeline doctor WHAT --json` says on a machine."""
+    command = [sys.executable, "-m", f"lodeline.doctor.{what}", "--json"]
+    done = subprocess.run(
+        host.machine.command(*command),
+        env=environment(host.run),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found | {"code": done.returncode}
+
+
+def test_the_doctor_says_who_is_linked_and_what_is_open(net: Net) -> None:
+    file = net.file()
+    with Host(net.robot, file, "robot") as robot:
+        seen = doctor(robot, "net")
+        assert [check["verdict"] for check in seen["checks"]] == ["warn", "ok"]
+        assert seen["checks"][1]["text"] == f"tcp {net.address}:7447 is open on one address"
+        with Host(net.laptop, file, "laptop") as laptop:
+            assert eventually(lambda: robot.linked("laptop"), 10.0, 0.1)
+            seen = doctor(laptop, "net")
+            assert [check["verdict"] for check in seen["checks"]] == ["ok", "ok", "ok"]
+            assert seen["checks"][2]["text"] == "no port of zenoh is open"
+            stranger = subprocess.Popen(
+                net.laptop.command(sys.executable, "-c", OPEN_ROUTER),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+            )
+            assert stranger.stdin is not None and stranger.stdout is not None
+            stranger.stdout.readline()
+            seen = doctor(laptop, "net")
+            stranger.communicate(b"\n")
+            assert seen["code"] == 1
+            texts = [check["text"] for check in seen["checks"] if check["verdict"] == "FAIL"]
+            assert texts == ["OPEN_PORT tcp :::7447 accepts zenoh on every network of this machine"]
+
+
+@pytest.mark.parametrize("late", [False, True], ids=["robot first", "laptop first"])
+def test_a_laptop_ten_minutes_ahead_takes_the_robots_time(
+    net: Net, skewed: None, late: bool
+) -> None:
+    file = net.file()
+    robot, laptop = Host(net.robot, file, "robot"), Host(net.laptop, file, "laptop")
+    preload = f"LD_PRELOAD={os.environ['LODELINE_TEST_SKEW']}"
+    place = laptop._command.index("--") + 1
+    laptop._command[place:place] = ["env", preload]
+    first, second = (laptop, robot) if late else (robot, laptop)
+    with first, second:
+        # The watcher refuses what is older than its limit: with the wrong time, everything.
+        assert eventually(lambda: laptop.received("watcher", "speed") > 100, 15.0, 0.2)
+        link = laptop.links()["robot"]
+        assert link["clock"]["offset"] == pytest.approx(-SKEW_S, abs=link["clock"]["error"] + 0.05)
+        assert 0.0 < link["clock"]["error"] < 0.5
+        assert eventually(lambda: robot.links()["laptop"]["clock"] is not None, 10.0, 0.2)
+        assert robot.links()["laptop"]["clock"]["offset"] == pytest.approx(SKEW_S, abs=0.5)
+        (row,) = json.loads(laptop.call("topic", "delay", "--json", "speed").stdout)
+        seen = row["to"]["watcher"]
+        assert -seen["age_error"] <= seen["age_p50"] < 1.0
+        assert re.search(r"its clock -(600\.0|599\.9)\d+ s \+- ", laptop.call("ps").stdout)
+        clocks = doctor(laptop, "clock")["hosts"]
+        apart = clocks["laptop"]["offset"] - clocks["robot"]["offset"]
+        bar = clocks["laptop"]["error"] + clocks["robot"]["error"]
+        assert apart == pytest.approx(SKEW_S, abs=bar + 0.001)
+        assert bar < 0.2
+
+
+@given(
+    skew=st.integers(-(10**12), 10**12),
+    there=st.integers(0, 50_000_000),
+    back=st.integers(0, 50_000_000),
+)
+def test_the_bar_holds_however_unlike_the_ways_are(skew: int, there: int, back: int) -> None:
+    sent = 10**18
+    found = measured(sent, sent + there + skew, sent + there + back, 0)
+    assert abs(found.seconds - skew * 1e-9) <= found.error + 1e-6
+
+
+def test_a_bar_grows_with_its_age_until_a_better_one_comes() -> None:
+    good = Offset(0.010, 0.001, 0)
+    minute = 60 * 10**9
+    assert good.aged(minute) == pytest.approx(0.007)
+    poor = Offset(0.012, 0.005, 10**9)
+    assert better(good, poor, 10**9) is good
+    assert better(good, poor, 2 * minute) is poor
+
+
+def test_a_clock_that_was_set_is_believed_at_once() -> None:
+    assert better(Offset(0.0, 0.001, 0), Offset(5.0, 0.01, 10**9), 10**9).seconds == 5.0
+
+
+def test_nodes_are_told_only_of_a_change_that_can_be_seen() -> None:
+    time = NodeTime(own=1000, reference="robot")
+    assert not time.follow("tablet", Offset(600.0, 0.001, 0))
+    assert not time.follow("robot", Offset(0.0015, 0.001, 0))
+    assert time.follow("robot", Offset(-600.0, 0.001, 0))
+    assert time.epoch() == 1000 - 600 * 10**9
+    assert not time.follow("robot", Offset(-600.0005, 0.001, 0))
