@@ -20,6 +20,9 @@ from lodeline.watch import NothingThereError
 
 if TYPE_CHECKING:  # MCAP is loaded by the verbs that need it
     from lodeline.recording.record import Recorder
+    from lodeline_msgs import Message
+
+    Imported = tuple[list[tuple[str, Message]], str]
 
 
 def main(argv: list[str]) -> int:
@@ -54,11 +57,20 @@ def parser() -> argparse.ArgumentParser:
 
     verb = verbs.add_parser("import", help="make a recording of a robot's text file")
     verb.add_argument("file", type=Path)
-    verb.add_argument("--format", required=True, choices=["magnet-lab"], help="what the file is")
+    verb.add_argument("--format", required=True, choices=list(FORMATS), help="what the file is")
     verb.add_argument(
         "--course",
         action="store_true",
-        help="as the lab's course takes it: rows at rest dropped, 5 Hz, 45 counts a turn",
+        help="magnet-lab: as the course takes it: rows at rest dropped, 5 Hz, 45 counts a turn",
+    )
+    verb.add_argument(
+        "--cumulative", action="store_true", help="lecture-wheels: counts since the start"
+    )
+    verb.add_argument(
+        "--gravity-sign",
+        type=int,
+        choices=[1, -1],
+        help="lecture-imu: sign of z at rest (default: as the first rows have it)",
     )
     _output(verb)
     verb.set_defaults(verb=_import)
@@ -112,8 +124,24 @@ def _not_negative(text: str) -> float:
 
 
 def _import(args: argparse.Namespace) -> int:
-    from lodeline.recording import magnet_lab
     from lodeline.recording.write import RecordingWriter, whole_file
+
+    samples, source = FORMATS[args.format](args)
+    metadata = {"clock": "recording", "source": source}
+    with whole_file(args.output, replace=args.force) as stream:
+        writer = RecordingWriter(stream, metadata)
+        for key, message in samples:
+            writer.write(key, message)
+        writer.close()
+    seconds = (samples[-1][1].stamp - samples[0][1].stamp) * 1e-9
+    rows = sum(key == samples[0][0] for key, _ in samples)
+    keys = " and ".join(dict.fromkeys(key for key, _ in reversed(samples)))
+    print(f"{args.output}: {rows} rows of {keys}, {seconds:.2f} s")
+    return 0
+
+
+def _magnet_lab(args: argparse.Namespace) -> Imported:
+    from lodeline.recording import magnet_lab
 
     rows = magnet_lab.read_rows(args.file)
     if args.course:
@@ -122,15 +150,30 @@ def _import(args: argparse.Namespace) -> int:
         except ValueError as error:
             raise RecordingError(f"{args.file}: {error}") from None
     setting = "course setting" if args.course else "all rows"
-    metadata = {"clock": "recording", "source": f"magnet-lab text {args.file.name}, {setting}"}
-    with whole_file(args.output, replace=args.force) as stream:
-        writer = RecordingWriter(stream, metadata)
-        for key, message in magnet_lab.messages(rows):
-            writer.write(key, message)
-        writer.close()
-    seconds = (rows[-1].stamp - rows[0].stamp) * 1e-9
-    print(f"{args.output}: {len(rows)} rows of wheels and reeds, {seconds:.2f} s")
-    return 0
+    return list(magnet_lab.messages(rows)), f"magnet-lab text {args.file.name}, {setting}"
+
+
+def _lecture_wheels(args: argparse.Namespace) -> Imported:
+    from lodeline.recording import lecture
+
+    samples = lecture.wheels(args.file, cumulative=args.cumulative)
+    counts = "cumulative" if args.cumulative else "incremental"
+    return [("wheels", each) for each in samples], f"lecture text {args.file.name}, {counts}"
+
+
+def _lecture_imu(args: argparse.Namespace) -> Imported:
+    from lodeline.recording import lecture
+
+    samples, sign = lecture.imu(args.file, args.gravity_sign)
+    source = f"lecture text {args.file.name}, gravity sign {sign:+d}"
+    return [("imu/data", each) for each in samples], source
+
+
+FORMATS: dict[str, Callable[[argparse.Namespace], Imported]] = {
+    "magnet-lab": _magnet_lab,
+    "lecture-wheels": _lecture_wheels,
+    "lecture-imu": _lecture_imu,
+}
 
 
 def _info(args: argparse.Namespace) -> int:
