@@ -63,11 +63,11 @@ class Estimate:
     the first), `rejected` counts the detections that the gate refused. `ambiguous` says that
     magnets may be, or may have been, taken for their neighbours: the 3-sigma ellipse reaches half
     the pitch less the bar's own error, or the cell of the pose has less than the probability
-    asked for. `certainty` is that probability, as far as it was ever in doubt; the covariance
-    has all hypotheses in it. `alarms` counts how often too many magnets were not where they
-    should have been, or the robot was tilted as no floor does: it was moved, or is lost.
-    `slipping` says that the wheels turn the robot otherwise than the gyro does, `stuck_reed` that
-    a reed stays closed over more way than any magnet is long.
+    asked for. `certainty` is that probability, as far as it was ever in doubt; the covariance has
+    all hypotheses in it. `alarms` counts how often too many magnets were not where they should
+    have been, or the robot was tilted as no floor does: it was moved, or is lost, its certainty
+    is 0 and stays so. `slipping` says that the wheels turn the robot otherwise than the gyro does,
+    `stuck_reed` that a reed stays closed over more way than any magnet is long.
     """
 
     stamp_ns: int
@@ -88,7 +88,7 @@ class Estimate:
         """What is wrong with it and what to do, or nothing: for people to read."""
         if self.slipping:
             return "INCONSISTENT wheels and gyro: one slips or is silent, or is ill calibrated"
-        if self.ambiguous and self.alarms:
+        if self.alarms:
             return "KIDNAPPED magnets or tilt say that the robot was moved: set its pose"
         if self.ambiguous:
             return "AMBIGUOUS the position may be wrong by a pitch of the magnets"

@@ -24,7 +24,7 @@ from lodeline.rotation import wrap_angle
 
 COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as it went
 TILT, TILT_TIME_NS = 0.17, 300_000_000  # rad and ns: no floor does that, a hand does
-LIFT_SIGMA = (1.0, 0.5)  # m, rad: where a lifted robot is put down
+MOVED_SIGMA = (1.0, 1.0)  # m, rad: what is told of a robot that was moved by someone else
 SWING, SPIKE = 100.0, 0.5  # rad/s^2 and rad/s: no robot changes its turn faster than by this
 STUCK_PITCHES = 3.0  # a reed that stays closed over so much of the lattice is stuck
 HEADING_GATE = 6.63  # 99 % of chi-square, 1 degree of freedom
@@ -214,7 +214,7 @@ class Tracker:
         if track.lifted or spin.stamp_ns - track.tilted_ns < TILT_TIME_NS:
             return track
         track = track._replace(lifted=True, alarms=track.alarms + 1, contacts=())
-        return track.widened(*LIFT_SIGMA)
+        return track.widened(*self._params.widen_sigma)
 
     def _read(self, track: Track, hits: Hits) -> Track:
         """After a reading of the bar: each sight is gated, then corrects the belief."""
@@ -269,13 +269,19 @@ class Tracker:
         )
 
     def published(self, track: Track) -> tuple[Belief, float, bool]:
-        """The pose with all that it may be wrong by, how certain its cell is, and `ambiguous`."""
-        if not track.others:
-            return track.belief, 1.0, self._association.is_wide(track.belief)
-        mixture = track.mixture
-        sure = certainty(mixture, self._params.lattice_pitch)
+        """The pose with all that it may be wrong by, how certain its cell is, and `ambiguous`.
+
+        After an alarm it goes on as well as it can, but which cell of the lattice it is in no
+        magnet tells: it is not trusted again.
+        """
         wide = self._association.is_wide(track.belief)
-        return spread(mixture), sure, wide or sure < self._params.sure
+        belief, sure = track.belief, 1.0
+        if track.others:
+            mixture = track.mixture
+            belief, sure = spread(mixture), certainty(mixture, self._params.lattice_pitch)
+        if track.alarms:
+            return belief.widened(*MOVED_SIGMA), 0.0, True
+        return belief, sure, wide or sure < self._params.sure
 
 
 def _turning(track: Track, spin: Spin) -> Track:
