@@ -252,6 +252,7 @@ class Gateway(Session):
                 "scouting/gossip/enabled": False,
                 "transport/link/protocols": ["unixsock-stream", *link.protocols],
                 "transport/link/tx/batch_size": LINK_BATCH,
+                **link.settings,
             }
         )
 

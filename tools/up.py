@@ -47,12 +47,13 @@ def main(argv: list[str]) -> int:
         return EXIT_USAGE
 
     from lodeline.bus import BusError
+    from lodeline.hosts.certificates import KeysError
     from lodeline.hosts.links import LinkError
     from lodeline.run_folder import RunFolderError
 
     try:
         return _up(pipeline, arguments.host, arguments.seconds, began)
-    except (RunFolderError, BusError, LinkError) as error:
+    except (RunFolderError, BusError, LinkError, KeysError) as error:
         print(error, file=sys.stderr)
         return EXIT_FAILED
 
@@ -104,6 +105,14 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
     hosts = [host] if host else [each for each in pipeline.hosts if pipeline.processes(each)]
     link = link_of(pipeline, host) if host else Link()
     check_listen(link.listen)
+    if "tls" in link.protocols and host:
+        from lodeline.hosts.certificates import check
+        from lodeline.hosts.links import keys_folder, split
+
+        listen = pipeline.hosts[host].listen
+        address = None if listen is None else split(listen.removeprefix("tls/"))[0]
+        for warning in check(keys_folder(pipeline), host, address):
+            print(f"warning: {warning}", file=sys.stderr)
     with RunFolder(pipeline.name, hosts) as run:
         own = epoch_offset()
         # Samples come from the host that listens, so its time is everybody's.

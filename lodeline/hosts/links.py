@@ -5,9 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import socket
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lodeline.hosts.permits import access_control
 
 if TYPE_CHECKING:  # every node imports the bus, and the bus this
     from lodeline.pipeline.model import Pipeline
@@ -23,11 +26,12 @@ class LinkError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """What a hub opens besides its socket in the run folder: zenoh endpoints."""
+    """What a gateway opens besides the hub's socket: zenoh endpoints, and settings for them."""
 
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     scout: bool = False
+    settings: dict[str, Any] = field(default_factory=dict)
 
     @property
     def ends(self) -> bool:
@@ -46,18 +50,54 @@ class Link:
 def link_of(pipeline: Pipeline, host: str) -> Link:
     """The link of one host to the others."""
     known = pipeline.hosts[host]
-    return Link(
-        listen=() if known.listen is None else (endpoint(known.listen),),
-        connect=() if known.connect is None else (endpoint(known.connect),),
-        scout=known.scout,
-    )
+    protocol = "tcp" if pipeline.tls is None else "tls"
+    listen = () if known.listen is None else (endpoint(known.listen, protocol),)
+    connect = () if known.connect is None else (endpoint(known.connect, protocol),)
+    settings: dict[str, Any] = {}
+    if pipeline.link_rate:
+        settings["downsampling"] = [_down_sampling(pipeline.link_rate)]
+    if any(end.startswith("tls/") for end in (*listen, *connect)):
+        settings |= _secured(pipeline, host)
+    return Link(listen, connect, known.scout, settings)
 
 
-def endpoint(address: str) -> str:
+def keys_folder(pipeline: Pipeline) -> Path:
+    """Where the hosts' keys are, if their link needs any."""
+    return pipeline.tls or pipeline.file.parent / "keys"
+
+
+def _secured(pipeline: Pipeline, host: str) -> dict[str, Any]:
+    """Mutual TLS, and who may say what under it."""
+    folder = keys_folder(pipeline)
+    pair = {
+        f"{way}_{what}": str(folder / f"{host}.{end}")
+        for way in ("listen", "connect")
+        for what, end in (("certificate", "pem"), ("private_key", "key"))
+    }
+    authority = {"root_ca_certificate": str(folder / "ca.pem"), "enable_mtls": True}
+    return {
+        "transport/link/tls": authority | pair,
+        "access_control": access_control(pipeline, host),
+    }
+
+
+def _down_sampling(rates: Mapping[str, float]) -> dict[str, Any]:
+    return {
+        "id": "link_rate",
+        "flows": ["egress"],
+        "link_protocols": ["tcp", "tls"],
+        "messages": ["put"],
+        "rules": [{"key_expr": key, "freq": rate} for key, rate in rates.items()],
+    }
+
+
+def endpoint(address: str, protocol: str = "tcp") -> str:
     """`10.0.0.1` of a pipeline file as `tcp/10.0.0.1:7447`."""
-    protocol, slash, place = address.partition("/")
-    if not slash:
-        protocol, place = "tcp", address
+    given, slash, place = address.partition("/")
+    if slash:
+        protocol = given
+    else:
+        place = address
     host, port = split(place)
     return f"{protocol}/{host}:{port}#so_sndbuf={SEND_BUFFER}"
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from lodeline.params import guess, nearest, shown
@@ -14,7 +14,7 @@ from lodeline.pipeline.shape import NODE_NAME, Shape
 from lodeline_msgs import MESSAGES, Message
 
 MAX_QUEUE = 100_000
-FILE_KEYS = ("name", "clock", "hosts", "external", "nodes")
+FILE_KEYS = ("name", "clock", "hosts", "tls", "link_rate", "external", "nodes")
 NODE_KEYS = (
     *("run", "host", "process", "inputs", "outputs", "params", "rate"),
     *("restart", "required", "priority", "cpu"),
@@ -65,7 +65,10 @@ class DraftNode:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """The whole file. `external` has the class of a key, None where there is no such class."""
+    """The whole file. `external` has the class of a key, None where there is no such class.
+
+    `places` are those of the keys of `link_rate`.
+    """
 
     name: str
     clock: Clock
@@ -73,6 +76,9 @@ class Draft:
     external: dict[str, type[Message] | None]
     nodes: tuple[DraftNode, ...]
     warnings: tuple[str, ...]
+    tls: str | None = None
+    link_rate: dict[str, float] = field(default_factory=dict)
+    places: dict[str, Place] = field(default_factory=dict)
 
 
 def read_draft(document: Item, faults: list[Fault]) -> Draft:
@@ -89,7 +95,8 @@ def read_draft(document: Item, faults: list[Fault]) -> Draft:
     elif isinstance(top["name"].value, str):
         shape.name(name, top["name"].place, "name")
     warnings: list[str] = []
-    hosts = read_hosts(shape, top.get("hosts"), warnings)
+    tls = shape.value(top.get("tls"), str, "tls")
+    hosts = read_hosts(shape, top.get("hosts"), warnings, tls is not None)
     nodes = shape.mapping(top.get("nodes"), "nodes")
     if "nodes" not in top or top["nodes"].value in (None, {}):
         place = top["nodes"].key if "nodes" in top else document.place
@@ -101,6 +108,11 @@ def read_draft(document: Item, faults: list[Fault]) -> Draft:
         external=_external(shape, top.get("external")),
         nodes=tuple(_node(shape, node, item, hosts) for node, item in nodes.items()),
         warnings=tuple(warnings),
+        tls=tls,
+        link_rate=_rates(shape, top.get("link_rate")),
+        places={
+            key: item.key for key, item in shape.mapping(top.get("link_rate"), "rates").items()
+        },
     )
 
 

@@ -13,25 +13,27 @@ _ADDRESS = re.compile(r"((tcp|tls)/)?(\[[0-9a-fA-F:]+\]|[A-Za-z0-9.-]+)(:[0-9]{1
 _LOOPBACK = re.compile(r"(tcp/)?(127\.[0-9.]+|\[::1\]|localhost)(:[0-9]+)?")
 
 
-def read_hosts(shape: Shape, item: Item | None, warnings: list[str]) -> dict[str, Host]:
-    """Hosts by name; one without an address if the file names none."""
+def read_hosts(
+    shape: Shape, item: Item | None, warnings: list[str], tls: bool = False
+) -> dict[str, Host]:
+    """Hosts by name; one without an address if the file names none. With `tls` no link is plain."""
     if item is None or item.value is None:
         return {DEFAULT: Host(DEFAULT)}
     members = shape.mapping(item, "hosts")
     if item.value == {}:
         shape.fault(item.place, "hosts names no host")
     alone = len(members) == 1
-    hosts = {name: _host(shape, name, each, alone, warnings) for name, each in members.items()}
+    hosts = {name: _host(shape, name, each, alone, warnings, tls) for name, each in members.items()}
     addressed = [host for host in hosts.values() if host.listen or host.connect]
     if len(addressed) > 1 and not any(host.listen for host in addressed):
         shape.fault(item.key, "no host listens, so the hosts cannot reach each other")
     return hosts
 
 
-def _host(shape: Shape, name: str, item: Item, alone: bool, warnings: list[str]) -> Host:
+def _host(shape: Shape, name: str, item: Item, alone: bool, warnings: list[str], tls: bool) -> Host:
     shape.name(name, item.key, "host")
     what = f"host {name!r}"
-    ways = shape.mapping(item, what, ("listen", "connect", "scout"))
+    ways = shape.mapping(item, what, ("listen", "connect", "scout", "grant"))
     listen = _address(shape, ways.get("listen"), "listen")
     connect = _address(shape, ways.get("connect"), "connect")
     scout = shape.value(ways.get("scout"), bool, "scout", False)
@@ -40,13 +42,18 @@ def _host(shape: Shape, name: str, item: Item, alone: bool, warnings: list[str])
     elif not alone and not (ways.keys() & {"listen", "connect"} or scout):
         text = f"{what} has no address, write `listen: ...` or `connect: ...`"
         shape.fault(item.key, text)
-    if listen and not listen.startswith("tls/") and not _LOOPBACK.fullmatch(listen):
+    for way, address in (("listen", listen), ("connect", connect)):
+        if tls and address and address.startswith("tcp/"):
+            text = f"{way} is plain tcp, but the file has tls: leave out `tcp/`"
+            shape.fault(ways[way].place, text)
+    if listen and not tls and not listen.startswith("tls/") and not _LOOPBACK.fullmatch(listen):
         text = f"{what} listens on {listen} without tls: anyone on that network can read and send"
         warnings.append(str(ways["listen"].place.fault(text)))
     if scout:
         text = f"{what} scouts: it links with whoever answers its multicast"
         warnings.append(str(ways["scout"].place.fault(text)))
-    return Host(name, listen, connect, scout)
+    grant = shape.value(ways.get("grant"), tuple[str, ...], "grant", ())
+    return Host(name, listen, connect, scout, tuple(grant))
 
 
 def _address(shape: Shape, item: Item | None, what: str) -> str | None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from lodeline.loading import shipped
 from lodeline.node import Driver, Input, Node
-from lodeline.params import nearest
+from lodeline.params import guess, nearest
 from lodeline.pipeline.document import Item, is_file, parse, read_file
 from lodeline.pipeline.draft import Draft, DraftNode, Wire, read_draft
 from lodeline.pipeline.faults import Fault, PipelineError, Place
@@ -71,6 +71,7 @@ def load(file: Path, overrides: Sequence[str] = ()) -> Pipeline:
         if node.name in types
     }
     order = check_wiring(draft, types, faults)
+    _check_link(draft, document.place, faults)
     if faults:
         raise PipelineError(faults)
     specs = {
@@ -87,6 +88,8 @@ def load(file: Path, overrides: Sequence[str] = ()) -> Pipeline:
         nodes=nodes,
         external=_external(draft),
         warnings=draft.warnings,
+        tls=None if draft.tls is None else file.resolve().parent / draft.tls,
+        link_rate={f"{draft.name}/{key}": rate for key, rate in draft.link_rate.items()},
     )
 
 
@@ -154,6 +157,19 @@ def _external(draft: Draft) -> dict[str, type[Message]]:
         for key, message in draft.external.items()
         if message is not None
     }
+
+
+def _check_link(draft: Draft, place: Place, faults: list[Fault]) -> None:
+    """Keys that are to be sent more rarely, or may be sent by tools, must be there."""
+    sent = [wire.key for node in draft.nodes for wire in node.outputs]
+    for key, at in draft.places.items():
+        if key not in sent:
+            faults.append(at.fault(f"link_rate of {key!r}, which no node sends{guess(key, sent)}"))
+    for host in draft.hosts.values():
+        for key in host.grant:
+            if key not in draft.external:
+                text = f"host {host.name!r} is granted {key!r}, which is no external key"
+                faults.append(place.fault(text))
 
 
 def _digest(draft: Draft, nodes: Sequence[NodeSpec]) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -26,13 +27,15 @@ class Edge:
 class Host:
     """A machine: the address it listens on for the others, or the one it connects to.
 
-    With `scout` it also looks for the others by multicast.
+    With `scout` it also looks for the others by multicast. `grant` are keys from outside, without
+    the pipeline's name, that tools on it may send over the link.
     """
 
     name: str
     listen: str | None = None
     connect: str | None = None
     scout: bool = False
+    grant: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,8 +73,9 @@ class Pipeline:
 
     `name` is the first part of every key, `digest` a hash of all that decides what it computes,
     `external` the keys that come from outside the file, `clock` what ages are measured by: the
-    host's time, or the newest stamp seen when the samples come from a recording. `warnings` is
-    what is not wrong, but not wise.
+    host's time, or the newest stamp seen when the samples come from a recording. `tls` is the
+    folder of the hosts' keys, `link_rate` the most samples a second [Hz] of a key that the link
+    carries. `warnings` is what is not wrong, but not wise.
     """
 
     name: str
@@ -82,6 +86,8 @@ class Pipeline:
     nodes: tuple[NodeSpec, ...]
     external: dict[str, type[Message]]
     warnings: tuple[str, ...] = ()
+    tls: Path | None = None
+    link_rate: Mapping[str, float] = field(default_factory=dict)
 
     def node(self, name: str) -> NodeSpec:
         """The node of that name; KeyError if there is none."""

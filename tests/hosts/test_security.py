@@ -1,0 +1,160 @@
+"""Claims about who may link and what they may say: mutual TLS, and rights from the pipeline."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lodeline.bus import Client
+from lodeline.hosts import certificates
+from lodeline.hosts.certificates import KeysError
+from tests.hosts.net import Host, Net
+from tests.support.live import eventually
+
+# Speaks for itself: any certificate, any keys.
+STRANGER = """
+import json, sys, time
+import zenoh
+config = zenoh.Config()
+for key, value in json.loads(sys.argv[1]).items():
+    config.insert_json5(key, json.dumps(value))
+try:
+    session = zenoh.open(config)
+except zenoh.ZError:
+    sys.exit("refused")
+heard = []
+session.declare_subscriber(
+    "rover/**",
+    lambda sample: heard.append(str(sample.key_expr)),
+    allowed_origin=zenoh.Locality.REMOTE,
+)
+end = time.monotonic() + 2.0
+while time.monotonic() < end:
+    for key in sys.argv[2:]:
+        session.put(key, b"forged")
+    time.sleep(0.05)
+print(len(heard))
+session.close()
+"""
+
+
+@pytest.fixture
+def keys(tmp_path: Path) -> Path:
+    pytest.importorskip("cryptography")
+    folder = tmp_path / "keys"
+    certificates.init(folder)
+    certificates.add(folder, "robot", ["10.213.1.1"])
+    certificates.add(folder, "laptop")
+    return folder
+
+
+def stranger(net: Net, keys: Path | None, name: str, *puts: str) -> str:
+    """What became of one who connects from the laptop's machine and sends on some keys."""
+    settings: dict[str, object] = {
+        "mode": "client",
+        "scouting/multicast/enabled": False,
+        "connect/timeout_ms": 2000,
+        "connect/endpoints": [f"{'tls' if keys else 'tcp'}/{net.address}:7447"],
+    }
+    if keys:
+        settings["transport/link/tls"] = {
+            "root_ca_certificate": str(keys / "ca.pem"),
+            "enable_mtls": True,
+            "connect_certificate": str(keys / f"{name}.pem"),
+            "connect_private_key": str(keys / f"{name}.key"),
+        }
+    command = net.laptop.command(sys.executable, "-c", STRANGER, json.dumps(settings), *puts)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return done.stderr.strip().splitlines()[-1] if done.returncode else done.stdout.strip()
+
+
+def test_over_tls_all_is_as_without(net: Net, keys: Path) -> None:
+    file = net.file(more=f"tls: {keys}")
+    with Host(net.robot, file, "robot") as robot, Host(net.laptop, file, "laptop") as laptop:
+        assert eventually(lambda: robot.linked("laptop") and laptop.linked("robot"), 10.0, 0.1)
+        assert eventually(lambda: laptop.received("watcher", "speed") > 100, 10.0, 0.2)
+        assert eventually(lambda: robot.received("watcher", "speed") > 100, 10.0, 0.2)
+        assert set(robot.reports()) == set(laptop.reports()) == {"robot", "laptop"}
+        assert not robot.says("without tls")
+
+
+def test_strangers_do_not_link_and_hosts_say_only_what_is_theirs(
+    net: Net, keys: Path, tmp_path: Path
+) -> None:
+    hosts = f"{{robot: {{listen: {net.address}}}, laptop: {{connect: {net.address}}}}}"
+    file = net.file(more=f"tls: {keys}", hosts=hosts)
+    foreign = tmp_path / "foreign"
+    certificates.init(foreign)
+    certificates.add(foreign, "laptop")
+    (foreign / "ca.pem").write_bytes((keys / "ca.pem").read_bytes())
+    certificates.add(keys, "tablet")
+    with Host(net.robot, file, "robot") as robot:
+        client = Client(robot.folder)
+        forged: set[str] = set()
+        client.subscribe(
+            "rover/**", 256, lambda key, data, _: forged.add(key) if data == b"forged" else None
+        )
+        keys_of_others = ("rover/wheels", "rover/status/source", "rover/cmd_vel")
+        assert stranger(net, None, "", *keys_of_others) == "refused"
+        assert stranger(net, foreign, "laptop", *keys_of_others) == "refused"
+        # In the fleet, but no host of this pipeline: it hears and says nothing.
+        assert stranger(net, keys, "tablet", *keys_of_others) == "0"
+        assert forged == set()
+        own = "rover/status/watcher"
+        assert int(stranger(net, keys, "laptop", own, *keys_of_others)) > 50
+        assert forged == {own}
+        client.close()
+
+
+def test_cmd_vel_needs_a_grant(net: Net, keys: Path) -> None:
+    way = f"connect: {net.address}, grant: [cmd_vel]"
+    hosts = f"{{robot: {{listen: {net.address}}}, laptop: {{{way}}}}}"
+    file = net.file(more=f"tls: {keys}", hosts=hosts)
+    with Host(net.robot, file, "robot") as robot:
+        client = Client(robot.folder)
+        forged: set[str] = set()
+        client.subscribe("rover/**", 256, lambda key, data, _: forged.add(key))
+        stranger(net, keys, "laptop", "rover/cmd_vel")
+        assert "rover/cmd_vel" in forged
+        client.close()
+
+
+def test_up_names_what_is_wrong_with_a_certificate(keys: Path, tmp_path: Path) -> None:
+    assert certificates.check(keys, "robot", "10.213.1.1") == []
+    with pytest.raises(KeysError, match=r"robot.pem is not for 10.0.0.9: run `lodeline keys add"):
+        certificates.check(keys, "robot", "10.0.0.9")
+    with pytest.raises(KeysError, match=r"run `lodeline keys add tablet`"):
+        certificates.check(keys, "tablet")
+    certificates.add(keys, "old", days=-0.5)
+    with pytest.raises(KeysError, match=r"TLS old.pem expired 20\d\d-\d\d-\d\d"):
+        certificates.check(keys, "old")
+    certificates.add(keys, "aging", days=3.5)
+    assert certificates.check(keys, "aging") == ["TLS aging.pem expires in 3 days"]
+    foreign = tmp_path / "foreign"
+    certificates.init(foreign)
+    certificates.add(foreign, "laptop")
+    (foreign / "ca.pem").write_bytes((keys / "ca.pem").read_bytes())
+    with pytest.raises(KeysError, match="was not made by the authority in"):
+        certificates.check(foreign, "laptop")
+
+
+def test_a_clock_before_the_certificate_is_suspected(
+    keys: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(certificates, "_now", lambda: certificates.EPOCH)
+    with pytest.raises(KeysError, match="here it is 1970-01-01: is the clock of this host wrong"):
+        certificates.check(keys, "robot")
+
+
+def test_keys_are_for_their_owner_only(keys: Path) -> None:
+    for file in keys.glob("*.key"):
+        assert file.stat().st_mode & 0o077 == 0
+    with pytest.raises(KeysError, match="has an authority already"):
+        certificates.init(keys)
+    (keys / "ca.key").unlink()
+    with pytest.raises(KeysError, match="hosts are added where it is kept"):
+        certificates.add(keys, "tablet")

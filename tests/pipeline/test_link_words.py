@@ -1,0 +1,74 @@
+"""What a pipeline file says of the link between its hosts, and what is wrong with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lodeline.hosts.links import endpoint, link_of
+from lodeline.pipeline.load import PipelineError, load
+
+Write = Callable[[str], Path]
+GOOD = (Path(__file__).parents[1] / "data/rig.yaml").read_text()
+
+
+def test_keys_lie_beside_the_file_and_make_every_link_tls(write: Write, folder: Path) -> None:
+    text = GOOD.replace("listen: 127.0.0.1", "listen: 10.0.0.1") + "tls: keys\n"
+    pipeline = load(write(text))
+    assert pipeline.tls == folder.resolve() / "keys"
+    assert pipeline.warnings == ()
+    assert link_of(pipeline, "robot").listen == ("tls/10.0.0.1:7447#so_sndbuf=8192",)
+    assert link_of(pipeline, "laptop").connect == ("tls/10.0.0.1:7447#so_sndbuf=8192",)
+
+
+def test_a_host_may_send_its_own_keys_and_its_grants_only(write: Write) -> None:
+    text = GOOD.replace("connect: 10.0.0.1", "connect: 10.0.0.1, grant: [cmd_vel]") + "tls: keys\n"
+    rules = link_of(load(write(text)), "robot").settings["access_control"]["rules"]
+    (sends,) = [rule["key_exprs"] for rule in rules if rule["id"] == "send-laptop"]
+    assert "rig/cmd_vel" in sends
+    assert "rig/status/watcher" in sends
+    assert not {"rig/wheels", "rig/speed/mean", "rig/status/source", "rig/**"} & set(sends)
+
+
+def test_link_rate_is_for_the_link_alone(write: Write) -> None:
+    pipeline = load(write(GOOD + "link_rate: {wheels: 20}\n"))
+    assert pipeline.link_rate == {"rig/wheels": 20.0}
+    (rule,) = link_of(pipeline, "robot").settings["downsampling"]
+    assert rule["link_protocols"] == ["tcp", "tls"]
+    assert rule["rules"] == [{"key_expr": "rig/wheels", "freq": 20.0}]
+
+
+@pytest.mark.parametrize(
+    ("address", "end"),
+    [
+        ("10.0.0.1", "tcp/10.0.0.1:7447"),
+        ("tls/robot.local:7000", "tls/robot.local:7000"),
+        ("[fe80::1]", "tcp/[fe80::1]:7447"),
+    ],
+)
+def test_an_address_gets_what_it_lacks(address: str, end: str) -> None:
+    assert endpoint(address) == f"{end}#so_sndbuf=8192"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("clock: host", "link_rate: {wheel: 20}", "link_rate of 'wheel', which no node sends"),
+        ("clock: host", "link_rate: {wheels: 0}", "rate of 'wheels' must be positive, got 0"),
+        (
+            "connect: 10.0.0.1",
+            "connect: 10.0.0.1, grant: [wheels]",
+            "host 'laptop' is granted 'wheels', which is no external key",
+        ),
+        (
+            "clock: host\nhosts:\n  robot: {listen: 127.0.0.1}",
+            "tls: keys\nhosts:\n  robot: {listen: tcp/127.0.0.1}",
+            "listen is plain tcp, but the file has tls: leave out `tcp/`",
+        ),
+    ],
+)
+def test_a_wrong_word_on_the_link_is_named(write: Write, old: str, new: str, message: str) -> None:
+    with pytest.raises(PipelineError, match=message.replace("[", r"\[")):
+        load(write(GOOD.replace(old, new)))
