@@ -17,7 +17,7 @@ def rig() -> Iterator[MakeRig]:
     rigs: list[Rig] = []
 
     def make(**params: Any) -> Rig:
-        rigs.append(Rig(RobotParams(**params)))
+        rigs.append(Rig(RobotParams(**({"standing": 0.0} | params))))
         return rigs[-1]
 
     yield make

@@ -151,6 +151,10 @@ static int smbus(int fd, struct i2c_smbus_ioctl_data *call)
         else if (!result)
             data->word = in[0] | in[1] << 8;
         return result;
+    case I2C_SMBUS_I2C_BLOCK_BROKEN: /* its older number, which reads 32 bytes always */
+        if (reads)
+            data->block[0] = I2C_SMBUS_BLOCK_MAX;
+        /* fall through */
     case I2C_SMBUS_I2C_BLOCK_DATA:
         if (data->block[0] < 1 || data->block[0] > I2C_SMBUS_BLOCK_MAX)
             return fail(EINVAL);

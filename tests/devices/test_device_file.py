@@ -45,7 +45,7 @@ def shim(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def robot(shim: Path) -> Iterator[SimulatedRobot]:
     """A robot on its course, in real time, behind the socket beside the shim."""
-    robot = SimulatedRobot(RobotParams(), time.monotonic)
+    robot = SimulatedRobot(RobotParams(standing=0.0), time.monotonic)
     with I2cServer(robot.bus, shim.with_name("i2c.sock")):
         yield robot
 
@@ -103,6 +103,16 @@ def test_i2cset_switches_the_bypass_and_the_magnetometer_comes_up(run: Run) -> N
     assert run(i2cset, "-y", "9", "0x68", "0x37", "0x02").returncode == 0
     assert run(i2cget, "-y", "9", "0x0c", "0x00").stdout.strip() == "0x48"
     assert 0x0C in grid(run(tool("i2cdetect"), "-y", "9").stdout)
+
+
+def test_words_and_blocks_go_both_ways(run: Run, robot: SimulatedRobot) -> None:
+    i2cget, i2cset = tool("i2cget"), tool("i2cset")
+    assert run(i2cset, "-y", "9", "0x68", "0x19", "0x0305", "w").returncode == 0
+    assert run(i2cget, "-y", "9", "0x68", "0x19", "w").stdout.strip() == "0x0305"
+    assert (robot.imu._registers[0x19], robot.imu._registers[0x1A]) == (5, 3)
+    block = ["0x04", "0x02", "0x08", "0x10", "i"]
+    assert run(i2cset, "-y", "9", "0x68", "0x19", *block).returncode == 0
+    assert run(i2cget, "-y", "9", "0x68", "0x19", "i", "4").stdout.split() == block[:4]
 
 
 def test_i2ctransfer_reads_gravity_in_one_burst(run: Run, robot: SimulatedRobot) -> None:

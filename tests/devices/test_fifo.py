@@ -96,6 +96,8 @@ def test_stamps_are_right_to_a_fifth_of_a_sample_for_any_clock() -> None:
                 worst = max(worst, abs(clock.newest - taken(count)) / period)
                 assert abs(clock.newest - taken(count)) <= clock.uncertainty + 2e-6
         assert worst < 0.2, seed
+        now = taken(seen) - taken(seen - 1)
+        assert abs(clock.period - now) < 3e-4 * period, "or the oldest of a batch would be off"
 
 
 def test_the_first_stamps_are_right_to_half_a_sample_and_none_goes_back(rig: MakeRig) -> None:

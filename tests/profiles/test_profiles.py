@@ -17,7 +17,7 @@ from lodeline.rotation import to_euler
 from lodeline_msgs import AttitudeEstimate, Message, Odometry, PoseEstimate
 
 ROBOTS = ("scuttle", "magnet-lab", "beego")
-SECONDS = 10.0
+SECONDS = 12.0  # in the first two of which the robot stands
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
