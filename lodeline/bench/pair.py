@@ -24,7 +24,7 @@ from lodeline_msgs import MESSAGES, unpack
 
 PATIENCE_S = 30.0
 PIPELINE = """
-name: rover
+name: {name}
 hosts:
   robot: {{listen: {address}}}
   laptop: {{connect: {address}}}
@@ -156,7 +156,9 @@ class Pair:
         self.cable = Cable(robot, laptop)
         file = folder / "pipeline.yaml"
         file.write_text(
-            PIPELINE.format(address=self.cable.addresses[0], nodes=shipped("nodes"), more=more)
+            PIPELINE.format(
+                name="rover", address=self.cable.addresses[0], nodes=shipped("nodes"), more=more
+            )
         )
         try:
             self.robot, self.laptop = (

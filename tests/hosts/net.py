@@ -26,11 +26,26 @@ nodes:
 """
 
 
+def hosts_at(address: str) -> str:
+    """The two hosts of a pipeline file, the robot listening on an address."""
+    return f"{{robot: {{listen: {address}}}, laptop: {{connect: {address}}}}}"
+
+
+def write_file(place: Path, hosts: str, *, name: str, watcher: str, more: str = "") -> Path:
+    """A pipeline file in a folder of its own, with its nodes."""
+    shutil.copytree(NODES, place / "nodes", dirs_exist_ok=True)
+    file = place / "pipeline.yaml"
+    file.write_text(PIPELINE.format(name=name, hosts=hosts, watcher=watcher, more=more))
+    return file
+
+
 class Host(Up):
     """`lodeline up --host NAME` on a machine, with a run folder of its own."""
 
-    def __init__(self, machine: Machine, file: Path, name: str, *more: str) -> None:
-        super().__init__(file, "--host", name, *more)
+    def __init__(
+        self, machine: Machine, file: Path, name: str, *more: str, base: Path | None = None
+    ) -> None:
+        super().__init__(file, "--host", name, *more, base=base)
         self._command = machine.command(*self._command)
         self.machine = machine
         self.name = name
@@ -79,14 +94,8 @@ class Net:
         hosts: str = "",
     ) -> Path:
         """A pipeline file; `at` tells files of the two machines apart."""
-        place = self.folder / at
-        shutil.copytree(NODES, place / "nodes", dirs_exist_ok=True)
-        hosts = (
-            hosts or f"{{robot: {{listen: {self.address}}}, laptop: {{connect: {self.address}}}}}"
-        )
-        text = PIPELINE.format(name=name, hosts=hosts, watcher=watcher, more=more)
-        (place / "pipeline.yaml").write_text(text)
-        return place / "pipeline.yaml"
+        hosts = hosts or hosts_at(self.address)
+        return write_file(self.folder / at, hosts, name=name, watcher=watcher, more=more)
 
     def close(self) -> None:
         self.robot.close()

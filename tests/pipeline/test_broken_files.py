@@ -42,7 +42,8 @@ CASES: dict[str, tuple[str, str, str]] = {
     "top key of another world": (
         "clock: host",
         "«version: 3",
-        "unknown key 'version' in the file (known: name, clock, hosts, tls, link_rate, external, nodes)",
+        "unknown key 'version' in the file "
+        "(known: name, clock, hosts, tls, link_rate, external, nodes)",
     ),
     "unknown clock": (
         "clock: host",
