@@ -17,6 +17,7 @@ import os
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from lodeline.hosts.offset import Offset
     from lodeline.pipeline.model import Pipeline
     from lodeline.run_folder import Manifest
+    from lodeline.supervisor.supervisor import Supervisor
 
 EXIT_FAILED, EXIT_USAGE, EXIT_INVALID = 1, 2, 3
 
@@ -177,6 +179,10 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                     return json.dumps(about | supervisor.report()).encode()
 
                 hub.serve(f"{pipeline.name}/@ps/{manifest.host}", report)
+                for plan in plans:
+                    for node in plan.nodes:
+                        key = f"{pipeline.name}/@restart/{plan.host}/{node}"
+                        hub.serve(key, partial(_restart, supervisor, node))
                 log_key = f"{pipeline.name}/@log/{manifest.host}"
                 hub.serve(log_key, book.kept)
                 book.publish(hub.publisher(log_key, "application/json"))
@@ -216,6 +222,10 @@ def _manifest(pipeline: Pipeline, hosts: Sequence[str]) -> Manifest:
         places={spec.name: spec.host for spec in pipeline.nodes},
         readers=readers,
     )
+
+
+def _restart(supervisor: Supervisor, node: str) -> bytes:
+    return supervisor.restart(node).encode()
 
 
 def _coloured() -> bool:

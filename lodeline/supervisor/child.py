@@ -66,6 +66,8 @@ class Child:
         self._backoff = Backoff(plan.restart, around.timing.backoff, around.uniform)
         self._notify = NotifySocket(notify)
         self._stop = asyncio.Event()
+        self._called = asyncio.Event()  # to stop or to start again, while nothing lives
+        self._asked = False
         self._due = 0.0
         self._ready_at: float | None = None
         self._process: Process | None = None
@@ -88,7 +90,10 @@ class Child:
             while not self._stop.is_set():
                 delay = self._judge(await self._live())
                 if delay is None:
-                    return
+                    if not await self._recalled():
+                        return
+                    self.restarts += 1
+                    continue
                 try:
                     await asyncio.wait_for(self._stop.wait(), delay)
                 except TimeoutError:
@@ -97,6 +102,25 @@ class Child:
         finally:
             loop.remove_reader(self._notify.fileno())
             self._notify.close()
+
+    async def _recalled(self) -> bool:
+        """Wait while it is over, until all stops or somebody wants it again."""
+        if not self._stop.is_set():
+            await self._called.wait()
+            self._called.clear()
+        return not self._stop.is_set()
+
+    def restart(self) -> str:
+        """Start it again because somebody asked for it; what comes of that, in words."""
+        if self.state in ("done", "failed"):
+            self._called.set()
+        elif self.state in ("starting", "ready", "running"):
+            self._asked = True
+            self.terminate()
+        else:
+            return f"is {self.state} already"
+        self._event(f"RESTART {self.plan.name}: asked for")
+        return "restarting"
 
     def listen(self) -> None:
         """Take in what it said."""
@@ -149,6 +173,7 @@ class Child:
     def forbid(self) -> None:
         """Do not start it any more."""
         self._stop.set()
+        self._called.set()
 
     def terminate(self) -> None:
         """Ask it to end: SIGTERM to its group, which is woken up if somebody stopped it."""
@@ -208,6 +233,10 @@ class Child:
         if self._stop.is_set():
             self._become("stopped")
             return None
+        if self._asked:
+            self._asked = False
+            self._become("waiting")
+            return 0.0
         if code == 0:
             self._event(f"NODE_DONE {name}")
             self._become("done")

@@ -8,6 +8,7 @@ import random
 import signal
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from lodeline.supervisor.plan import Plan, Timing
 EXIT_FINE, EXIT_NODE_DIED, EXIT_INTERRUPTED = 0, 5, 130
 HELD_UP_S = 0.3
 SAMPLE_S = 1.0
+ANSWER_S = 2.0
 
 
 class Supervisor:
@@ -104,6 +106,15 @@ class Supervisor:
             "uptime": round(now - self._started, 3),
             "processes": [child.describe(now) for child in self.children],
         }
+
+    def restart(self, node: str) -> str:
+        """Start the process of a node again; what comes of it. From any other thread."""
+        answer: Future[str] = Future()
+        children = [child for child in self.children if node in child.plan.nodes]
+        if not children or self._loop is None or self._loop.is_closed():
+            return "is not running"
+        self._loop.call_soon_threadsafe(lambda: answer.set_result(children[0].restart()))
+        return answer.result(ANSWER_S)
 
     def tell_all(self, order: str) -> None:
         """A line for every process; may be called from any thread once `run` has begun."""
