@@ -2,7 +2,7 @@
 
 Of every node: kills, how soon its samples were back, and how its memory grew within each life of
 half a minute or more. Of the pose: its distance from the truth, more than three seconds away from
-any kill. Exit codes: 0 every bound was held, 1 one was not, 2 usage.
+any kill; where it calls itself ambiguous it may be wrong. Exit codes: 0 every bound was held, 1 one was not, 2 usage.
 """
 
 from __future__ import annotations
@@ -45,14 +45,16 @@ def main(argv: list[str]) -> int:
         )
         states = {name: process["state"] for name, process in rig.processes().items()}
         errors = position_errors(rig.poses, rig.truths)
+        doubtful = {when for when, pose in rig.poses if pose.ambiguous}
     kills = sorted(when for record in records.values() for when in record.kills)
     print(f"{arguments.minutes:g} min, {len(kills)} kills, seed {arguments.seed}")
     print(report(records, states))
     calm = [
         error
         for when, error in errors
-        if not any(0.0 <= when - kill <= AFTERMATH_S for kill in kills)
+        if when not in doubtful and not any(0.0 <= when - kill <= AFTERMATH_S for kill in kills)
     ]
+    print(f"pose: {len(doubtful) / max(1, len(rig.poses)):.1%} of the time ambiguous")
     return verdict(records, states, calm)
 
 
@@ -161,11 +163,13 @@ def verdict(records: dict[str, Record], states: dict[str, str], calm: list[float
         rms = (sum(error * error for error in calm) / len(calm)) ** 0.5
         part = sum(error <= ERROR_M for error in calm) / len(calm)
         print(
-            f"pose: {len(calm)} samples away from kills, rms {rms * 1e3:.1f} mm, "
+            f"pose: {len(calm)} sure samples away from kills, rms {rms * 1e3:.1f} mm, "
             f"max {max(calm) * 1e3:.1f} mm, {part:.2%} within {ERROR_M * 1e3:g} mm"
         )
         if part < 0.99:
-            faults.append(f"the pose was within {ERROR_M * 1e3:g} mm only {part:.2%} of the time")
+            faults.append(
+                f"the pose was within {ERROR_M * 1e3:g} mm only {part:.2%} of the sure time"
+            )
     else:
         faults.append("there was no pose")
     for fault in faults:
