@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Literal, NamedTuple, TypeVar
 
+from lodeline.ekf.landmarks import Landmark
+
 B = TypeVar("B")
 
 
@@ -44,8 +46,15 @@ class Spin(NamedTuple):
     tilt: float
 
 
-Sample = Motion | Hits | Spin
-KINDS = (Motion, Hits, Spin)  # in the order that they take at one stamp
+class Landmarks(NamedTuple):
+    """Landmarks measured at one moment."""
+
+    stamp_ns: int
+    seen: tuple[Landmark, ...]
+
+
+Sample = Motion | Hits | Spin | Landmarks
+KINDS = (Motion, Hits, Spin, Landmarks)  # in the order that they take at one stamp
 
 
 class Mark(NamedTuple, Generic[B]):
@@ -67,7 +76,7 @@ class Node(Generic[B]):
 Verdict = Literal["used", "waiting", "late", "duplicate", "full"]
 Advance = Callable[[B, Motion, Motion, float, float], B]
 """belief, motion before, motion after, begin and end of the part taken (fractions of the way)."""
-Observe = Callable[[B, Hits | Spin], B]
+Observe = Callable[[B, Hits | Spin | Landmarks], B]
 
 
 class History(Generic[B]):

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from lodeline.ekf.belief import Belief, Covariance3
-from lodeline.ekf.history import History, Hits, Mark, Motion, Spin, Verdict
+from lodeline.ekf.history import History, Hits, Landmarks, Mark, Motion, Spin, Verdict
+from lodeline.ekf.landmarks import Fix, Landmark
 from lodeline.ekf.mixture import Hypothesis
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.sightings import Contact
@@ -15,6 +16,7 @@ from lodeline.rotation import Quaternion, Vector, rotate, yaw_of
 ABSURD = 1e6  # m, rad, s or their squares: beyond it a number is refused
 LATERAL_LIMIT = 1.0  # m: no bar is wider
 RATE_LIMIT = 40.0  # rad/s: more than any gyro of the trade measures
+SHARPEST = 1e-6  # m, rad: nothing is measured better
 HITS_LIMIT = 32  # magnets in one reading
 
 
@@ -45,6 +47,7 @@ class LocalizerState:
     agreement: tuple[float, float, bool]
     tilted_ns: int
     lifted: bool
+    streak: int
     odom_stamp_ns: int | None
     odom_x: float
     odom_y: float
@@ -158,6 +161,17 @@ class Localizer:
             return None
         return self._answer(self._history.add(Hits(stamp_ns, tuple(laterals))))
 
+    def landmarks(self, stamp_ns: int, seen: tuple[Landmark, ...]) -> Estimate | None:
+        """Takes what was measured to known points at one moment.
+
+        None: nothing changed yet, or a number was not finite, a sigma not positive, a sighting
+        without range and bearing: then none of them is used.
+        """
+        if len(seen) > HITS_LIMIT or not all(map(_measured, seen)):
+            self.refused += 1
+            return None
+        return self._answer(self._history.add(Landmarks(stamp_ns, tuple(seen))))
+
     def attitude(
         self,
         stamp_ns: int,
@@ -243,6 +257,7 @@ class Localizer:
             (track.agreement[0], track.agreement[1], track.agreement[2]),
             track.tilted_ns,
             track.lifted,
+            track.streak,
             motion.stamp_ns if motion else None,
             motion.x if motion else 0.0,
             motion.y if motion else 0.0,
@@ -288,6 +303,7 @@ class Localizer:
             agreement=Agreement(*state.agreement),
             tilted_ns=state.tilted_ns,
             lifted=state.lifted,
+            streak=state.streak,
         )
         self._history.restart(Mark(state.stamp_ns, motion, track))
         self.late, self.duplicates = state.late, state.duplicates
@@ -318,3 +334,15 @@ class Localizer:
 
 def _sane(*values: float) -> bool:
     return all(abs(value) <= ABSURD for value in values)  # False for NaN
+
+
+def _measured(landmark: Landmark) -> bool:
+    """True for a landmark that makes sense."""
+    if isinstance(landmark, Fix):
+        return _sane(*landmark) and landmark.sigma > SHARPEST
+    values = [each for each in landmark if each is not None]
+    return (
+        _sane(*values)
+        and min(landmark.range_sigma, landmark.bearing_sigma) > SHARPEST
+        and (landmark.range is not None or landmark.bearing is not None)
+    )

@@ -6,8 +6,9 @@ from typing import NamedTuple
 from lodeline.ekf.association import Association
 from lodeline.ekf.belief import Belief, certain
 from lodeline.ekf.engine import Noise, make_engine
-from lodeline.ekf.history import Hits, Motion, Spin
-from lodeline.ekf.mixture import Hypothesis, Mixture, certainty, spread
+from lodeline.ekf.history import Hits, Landmarks, Motion, Spin
+from lodeline.ekf.landmarks import GATES, STRAY, Landmark, corrected, numbers, weighed
+from lodeline.ekf.mixture import Hypothesis, Mixture, certainty, reduced, spread
 from lodeline.ekf.motion import Delta, part, relative
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.sightings import (
@@ -25,6 +26,7 @@ from lodeline.rotation import wrap_angle
 COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as it went
 TILT, TILT_TIME_NS = 0.17, 300_000_000  # rad and ns: no floor does that, a hand does
 MOVED_SIGMA = (1.0, 1.0)  # m, rad: what is told of a robot that was moved by someone else
+MISSED_SIGMA = (0.3, 0.1)  # m, rad: more doubt after eight landmarks in a row that did not fit
 SWING, SPIKE = 100.0, 0.5  # rad/s^2 and rad/s: no robot changes its turn faster than by this
 STUCK_PITCHES = 3.0  # a reed that stays closed over so much of the lattice is stuck
 HEADING_GATE = 6.63  # 99 % of chi-square, 1 degree of freedom
@@ -60,6 +62,7 @@ class Track(NamedTuple):
     agreement: Agreement = Agreement()
     tilted_ns: int = LONG_AGO  # since when, or not at all
     lifted: bool = False
+    streak: int = 0  # landmarks in a row that fitted; negative, that did not
 
     @property
     def mixture(self) -> Mixture:
@@ -180,10 +183,14 @@ class Tracker:
         scale = motion.interval * seconds
         return Noise(scale * vv, scale * vw, scale * ww)
 
-    def observe(self, track: Track, sample: Hits | Spin) -> Track:
+    def observe(self, track: Track, sample: Hits | Spin | Landmarks) -> Track:
         """After a sample that is no motion."""
         if isinstance(sample, Spin):
             return self._spun(track, sample)
+        if isinstance(sample, Landmarks):
+            for landmark in sample.seen:
+                track = self._sighted(track, landmark)
+            return track
         return self._read(track, sample)
 
     def _spun(self, track: Track, spin: Spin) -> Track:
@@ -204,6 +211,30 @@ class Tracker:
             after = self._engine.correct_scalar(belief, (0.0, 0.0, 1.0), off, variance)
             headed.append(Hypothesis(weight, after.positive()))
         return track.of(tuple(headed))._replace(heading_ns=spin.stamp_ns)
+
+    def _sighted(self, track: Track, landmark: Landmark) -> Track:
+        """After one landmark: it weighs the hypotheses and corrects those that it fits."""
+        children, fits, nis = [], False, math.inf
+        for weight, belief in track.mixture:
+            seen = numbers(belief, landmark)
+            distance, likely = weighed(belief, seen)
+            nis = min(nis, distance)
+            if distance > GATES[len(seen)]:
+                children.append(Hypothesis(STRAY * weight, belief))
+                continue
+            fits = True
+            after = corrected(self._engine, belief, seen)
+            children.append(Hypothesis(weight * max(likely, STRAY), after))
+        if not fits:
+            streak = min(track.streak, 0) - 1
+            track = track._replace(nis=nis, rejected=track.rejected + 1, streak=streak)
+            if streak > -RECENT:
+                return track
+            return track._replace(streak=0).widened(*MISSED_SIGMA)
+        streak = max(track.streak, 0) + 1
+        # landmarks are no lattice: enough of them say where a robot is that was moved
+        alarms = 0 if streak >= RECENT else track.alarms
+        return track.of(reduced(children))._replace(nis=nis, streak=streak, alarms=alarms)
 
     def _tilted(self, track: Track, spin: Spin) -> Track:
         """A robot that is tilted for long was lifted: nobody knows where it is put down."""
