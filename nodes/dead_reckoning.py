@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
+
 from lodeline import dead_reckoning
 from lodeline.dead_reckoning import DeadReckoningParams, DeadReckoningState
 from lodeline.node import Input, Node, Output
@@ -9,10 +11,17 @@ from lodeline.stamps import Steps
 from lodeline_msgs import Imu, Odometry
 
 
+@dataclass(slots=True)
+class NodeState(DeadReckoningState):
+    """And the stamp of the last sample, so that a successor knows how long nobody looked."""
+
+    stamp: int | None = None
+
+
 class DeadReckoningNode(Node[DeadReckoningParams]):
     """`data` in, `odom` out, one for one; the robot must rest when it starts."""
 
-    State = DeadReckoningState
+    State = NodeState
     data = Input(Imu, queue=64, max_age=0.5)
     odom = Output(Odometry)
 
@@ -42,11 +51,12 @@ class DeadReckoningNode(Node[DeadReckoningParams]):
             )
         )
 
-    def save(self) -> DeadReckoningState:
-        return self.reckoning.state
+    def save(self) -> NodeState:
+        return NodeState(**{**asdict(self.reckoning.state), "stamp": self.steps.last})
 
-    def resume(self, state: DeadReckoningState) -> None:
+    def resume(self, state: NodeState) -> None:
         self.reckoning.resume(state)
+        self.steps.last = state.stamp
 
 
 if __name__ == "__main__":

@@ -11,12 +11,13 @@ from dataclasses import asdict, dataclass, fields, replace
 from math import cos, hypot, sin
 from typing import Annotated
 
-from lodeline.attitude.base import GRAVITY, check_sample, positive
+from lodeline.attitude.base import GRAVITY, HOLE, UNSEEN_RATE, check_sample, positive
 from lodeline.attitude.complementary import Complementary, ComplementaryParams, ComplementaryState
 from lodeline.rotation import Quaternion, Vector, rotate, yaw_of
 
 LARGEST_ZERO = 0.35  # [rad/s] no gyro reads more at rest
 YAW_DRIFT = 0.002  # [rad/s] that a zero point leaves
+UNSEEN_PUSH = 0.5  # [m/s^2] that a robot may do meanwhile
 TREMBLE = 0.05  # [m/s] of a speed known to be zero
 MEAN_TIME = 0.1  # [s] of the mean that readings at rest stay close to
 _ZERO: Vector = (0.0, 0.0, 0.0)
@@ -148,6 +149,9 @@ class DeadReckoning:
         s, p = self._state, self.params
         rate = _less(w, s.zero)
         self._attitude.update(dt, rate, a)
+        if dt > HOLE:
+            self._lose(dt)
+            return
         q = self._attitude.orientation
         x, y, z = rotate(q, a)
         before, now = s.acceleration, (x, y, z - s.gravity)
@@ -171,6 +175,14 @@ class DeadReckoning:
             z + h * (vz + s.velocity[2]),
         )
         s.position_std += (s.velocity_std + hypot(*s.velocity) * s.yaw_std) * dt
+
+    def _lose(self, dt: float) -> None:
+        """Nobody knows what the body did in a hole of the samples: stay, and say how unsure."""
+        s = self._state
+        s.velocity_std += UNSEEN_PUSH * dt
+        s.position_std += (s.velocity_std + hypot(*s.velocity)) * dt
+        s.yaw_std += UNSEEN_RATE * dt
+        s.acceleration = _ZERO
 
     @property
     def estimate(self) -> DeadReckoningEstimate:

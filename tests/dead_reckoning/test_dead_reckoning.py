@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from math import cos, pi, sin
 from random import Random
+from typing import Any
 
+import msgpack
 import pytest
 
 from lodeline.dead_reckoning import DeadReckoning, DeadReckoningParams
+from lodeline.graph import Graph
+from lodeline.loading import load_node, shipped
 from lodeline.rotation import Vector, conjugate, from_euler, multiply, rotate
+from lodeline_msgs import Imu, Message, Odometry
 
 DT = 0.01
 PUSH = 0.5  # m/s^2
@@ -128,6 +134,49 @@ def test_handing_over_the_state_half_way_changes_nothing(half: int) -> None:
         second.update(DT, w, a)
     assert second.estimate == through.estimate
     assert second.state == through.state
+
+
+def test_a_hole_in_the_samples_moves_nothing_and_is_owned_up_to() -> None:
+    reckoning = run(iter(list(readings(legs(), bias=(0.0, 0.0, 0.0)))[:220]), tau=1e4)  # in a push
+    before = reckoning.estimate
+    assert before.v > 0.3
+    reckoning.update(3.0, (0.0, 0.0, 0.0), (PUSH, 0.0, 9.80665))
+    after = reckoning.estimate
+    assert (after.x, after.y, after.v) == pytest.approx((before.x, before.y, before.v), abs=1e-6)
+    assert after.pose_covariance[0] ** 0.5 > 3.0 * before.v
+    assert after.pose_covariance[8] ** 0.5 > 1.0
+
+
+def test_a_node_restarted_in_mid_run_goes_on_as_if_nothing_had_been() -> None:
+    """Its state goes through the file that a crash leaves behind."""
+    node = load_node(shipped("nodes") / "dead_reckoning.py")
+    samples = list(readings(legs(turns=1), noise=0.02))
+
+    def sent(restart_at: int | None) -> list[Message]:
+        out: list[Message] = []
+
+        def begun(state: Any) -> Graph:
+            made: Any = node(node.params_type()())
+            if state is not None:
+                values = msgpack.unpackb(msgpack.packb(asdict(state)), use_list=False)
+                made.resume(made.State(**values))
+            graph = Graph({"d": made}, {"d": {"data": "data"}}, {"d": {"odom": "odom"}})
+            graph.tap("odom", out.append)
+            nodes.append(made)
+            return graph
+
+        nodes: list[Any] = []
+        graph = begun(None)
+        for i, (w, a) in enumerate(samples):
+            if i == restart_at:
+                graph = begun(nodes[-1].save())
+            graph.deliver("data", Imu(10_000_000 * i, w, a))
+        return out
+
+    through, resumed = sent(None)[-1], sent(400)[-1]
+    assert isinstance(through, Odometry) and isinstance(resumed, Odometry)
+    assert (resumed.x, resumed.y, resumed.yaw) == (through.x, through.y, through.yaw)
+    assert resumed.pose_covariance == through.pose_covariance
 
 
 def test_what_is_no_measurement_changes_nothing() -> None:
