@@ -9,7 +9,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ALGORITHMS = ("attitude", "calibration", "ekf", "magnets", "odometry", "rotation", "stamps")
+ALGORITHMS = (
+    "attitude",
+    "calibration",
+    "dead_reckoning",
+    "ekf",
+    "magnets",
+    "odometry",
+    "rotation",
+    "stamps",
+)
 DEVICES = ("devices", "i2c", "sim")
 CLOCKS = {"time", "datetime"}
 OUTSIDE = {"os", "io", "socket", "subprocess", "pathlib", "threading", "asyncio"}
