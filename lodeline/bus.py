@@ -7,6 +7,7 @@ Multicast scouting is off everywhere: with it on, a robot takes samples from str
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import threading
@@ -26,6 +27,7 @@ import zenoh
 
 from lodeline.hosts.links import Link
 
+_RUNTIME = "ZENOH_RUNTIME"
 HUB_SOCKET = "hub.sock"
 MAX_MESSAGE = 1 << 20
 LEASE_MS = 3000
@@ -252,6 +254,8 @@ class Gateway(Session):
                 "scouting/gossip/enabled": False,
                 "transport/link/protocols": ["unixsock-stream", *link.protocols],
                 "transport/link/tx/batch_size": LINK_BATCH,
+                # Room for what is said of keys and readers when a link comes up.
+                "transport/link/tx/queue/size/control": 16,
                 **link.settings,
             }
         )
@@ -268,6 +272,21 @@ class Client(Session):
                 "connect/timeout_ms": 2000,
             }
         )
+
+
+@contextlib.contextmanager
+def several_threads() -> Iterator[None]:
+    """Sessions of this process that are opened first in here have zenoh's own number of threads.
+
+    A hub beside a gateway needs them: with one, whoever waits for room on the link waits for
+    itself, up to 5 s. What is started later finds the environment as it was.
+    """
+    one = os.environ[_RUNTIME]
+    os.environ[_RUNTIME] = "()"
+    try:
+        yield
+    finally:
+        os.environ[_RUNTIME] = one
 
 
 def query(run_folder: Path, key: str, timeout: float = 1.0) -> list[tuple[str, bytes]]:

@@ -91,7 +91,9 @@ def _seconds(text: str) -> float:
 
 def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: float) -> int:
     """Run the share of a host, linked with the others, or all hosts by this machine alone."""
-    from lodeline.bus import Gateway, Hub
+    from contextlib import nullcontext
+
+    from lodeline.bus import Gateway, Hub, several_threads
     from lodeline.clock import HostClock, epoch_offset
     from lodeline.hosts.links import Link, LinkError, check_listen, link_of, shown
     from lodeline.hosts.neighbours import Neighbours
@@ -142,7 +144,8 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
 
             service = Notifier()  # whoever started us, if it is systemd
 
-            hub = Hub(run.path)
+            with several_threads() if link.ends else nullcontext():
+                hub = Hub(run.path)
             gateways = [Gateway(run.path, link)] if link.ends else []
 
             def reopen() -> None:
