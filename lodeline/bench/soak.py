@@ -2,7 +2,8 @@
 
 Of every node: kills, how soon its samples were back, and how its memory grew within each life of
 half a minute or more. Of the pose: its distance from the truth, more than three seconds away from
-any kill; where it calls itself ambiguous it may be wrong. Exit codes: 0 every bound was held, 1 one was not, 2 usage.
+any kill; where it calls itself ambiguous it may be wrong. Exit codes: 0 every bound was held,
+1 one was not, 2 usage.
 """
 
 from __future__ import annotations
