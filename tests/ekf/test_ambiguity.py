@@ -8,6 +8,7 @@ from random import Random
 import pytest
 
 from lodeline.bench.scenes.drive import Drive
+from lodeline.bench.scenes.rides import SIGMA, ride, wheels_with
 from lodeline.ekf import Belief, Estimate, Localizer, LocalizerParams, LocalizerState
 from lodeline.ekf.mixture import MOST, Hypothesis, certainty, reduced, spread
 from lodeline.odometry import Odometry, OdometryParams
@@ -15,43 +16,15 @@ from lodeline.odometry import Odometry, OdometryParams
 MS = 1_000_000
 PITCH = 0.055
 STILL = (0.0, 0.0, 0.0, 0.0)
-SIGMA = (0.002, 0.02)
-
-
-def localised(
-    seed: int, params: LocalizerParams, wheels: OdometryParams, gap: tuple[float, float], way: float
-) -> list[tuple[float, float, Estimate]]:
-    """(way driven [m], error [m], estimate) of a drive of `way` m, blind to magnets in `gap`."""
-    rng, step = Random(seed), 0.006
-    drive, bend = Drive(rng, params, wheels), rng.uniform(0.2, 0.6)
-    odometry, localizer, seen = Odometry(wheels), Localizer(params), []
-    for i in range(round(way / step)):
-        if i > 0:
-            drive.go(step, step * 2.0 * math.sin(bend * i * step * 10))
-        out = odometry.update(i * 50 * MS, *drive.counts())
-        assert out is not None
-        pose = (out.x, out.y, out.yaw)
-        localizer.odometry(out.stamp_ns, *pose, out.twist_covariance, out.interval, out.resets)
-        hidden = gap[0] <= i * step < gap[1]
-        localizer.magnets(out.stamp_ns, () if hidden else drive.laterals())
-        estimate = localizer.estimate
-        assert estimate is not None
-        error = math.hypot(estimate.x - drive.x, estimate.y - drive.y)
-        seen.append((i * step, error, estimate))
-    return seen
-
-
-def wheels_with(noise: float) -> OdometryParams:
-    return OdometryParams(ticks_per_turn=3.6e6, distance_noise=noise)
 
 
 def test_after_600_mm_without_magnets_few_runs_are_wrong_and_none_is_wrong_and_sure() -> None:
     """The nearest magnet is the wrong one in more than a tenth of the same runs."""
-    wheels, runs = wheels_with(2.3e-5), 100
+    wheels, runs = wheels_with(2.3e-5), 60
     wrong: dict[str, int] = {}
     for association in ("nearest", "mixture"):
         params = LocalizerParams(initial_sigma=SIGMA, association=association)
-        ends = [localised(seed, params, wheels, (0.3, 0.9), 1.5)[-1] for seed in range(runs)]
+        ends = [[*ride(seed, params, wheels, 1.5, hidden=(0.3, 0.9))][-1] for seed in range(runs)]
         aliased = [estimate for _, error, estimate in ends if error > 0.5 * PITCH]
         wrong[association] = len(aliased)
         sure = sum(not each.ambiguous for each in aliased)
@@ -70,12 +43,12 @@ def test_of_all_poses_that_claim_to_be_sure_no_more_than_one_in_twenty_is_wrong(
     """The second robot has four times the noise: half of its neighbours are in the ellipse."""
     params = LocalizerParams(initial_sigma=SIGMA)
     sure = wrong = 0
-    for seed in range(100):
-        for way, error, estimate in localised(seed, params, wheels_with(noise), (0.3, 0.9), 1.5):
+    for seed in range(60):
+        for way, error, estimate in ride(seed, params, wheels_with(noise), 1.5, hidden=(0.3, 0.9)):
             if way >= 0.9 and not estimate.ambiguous:
                 sure, wrong = sure + 1, wrong + (error > 0.5 * PITCH)
     print(f"noise {noise} m: {wrong} of {sure} sure poses are wrong")
-    assert sure > 2000
+    assert sure > 1200
     assert wrong <= 0.05 * sure
 
 
@@ -97,7 +70,7 @@ def test_a_run_that_ends_in_a_wrong_cell_was_ambiguous_before() -> None:
 def localised_with(
     seed: int, params: LocalizerParams, told: OdometryParams, true: OdometryParams, gap: float
 ) -> list[tuple[float, Estimate]]:
-    """As `localised`, of a robot whose wheels are not those that odometry is told."""
+    """(error, estimate) of a robot whose wheels are not those that odometry is told."""
     rng, step = Random(seed), 0.006
     drive, odometry, localizer = Drive(rng, params, true), Odometry(told), Localizer(params)
     seen = []

@@ -75,7 +75,7 @@ def check_any_order(rng: Random, params: LocalizerParams, reset_at: int) -> None
     assert numbers(late) == pytest.approx(numbers(in_order), abs=1e-12)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.randoms(use_true_random=False), st.sampled_from(["edges", "plain"]))
 def test_any_order_within_the_history_gives_the_same_state(rng: Random, model: str) -> None:
     params = LocalizerParams(magnet_model="plain" if model == "plain" else "edges")
