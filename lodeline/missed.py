@@ -131,6 +131,7 @@ class Missed:
 def _stamp(inlet: Inlet[Any], data: bytes) -> int:
     """When a sample was measured; 0 for one that its inlet will refuse."""
     try:
-        return unpack(data, inlet.message).stamp
+        message: Message = unpack(data, inlet.message)
     except DecodeError:
         return 0
+    return message.stamp
