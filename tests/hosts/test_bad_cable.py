@@ -12,7 +12,6 @@ from lodeline.bench.link import Bench, Row
 from lodeline.bench.machines import missing
 from lodeline.bench.pair import Pair
 
-
 # A known fault, see docs/two-hosts.md: after a cut the hubs' link may come back and carry nothing.
 pytestmark = pytest.mark.xfail(reason="a link may stay dead after a cut", strict=False)
 
