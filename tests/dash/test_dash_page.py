@@ -43,7 +43,7 @@ def page(chromium: Chromium, dash: Dash) -> Iterator[Chromium]:
 def test_the_pose_shown_is_the_one_that_zenoh_carried(page: Chromium, up: Up) -> None:
     ear = Ear(up, "pose")
     assert eventually(lambda: len(ear.all("pose")) > 20, 30.0)
-    compared = set()
+    compared: set[int] = set()
     deadline = time.monotonic() + 20.0
     while len(compared) < 10 and time.monotonic() < deadline:
         seq, x, y, yaw, bound = page.run(SHOWN)
