@@ -11,7 +11,7 @@ import fcntl
 import os
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from smbus2 import I2cFunc, SMBus
 
@@ -24,45 +24,79 @@ I2C_TIMEOUT = 0x0702  # in units of 10 ms
 ADAPTER_TIMEOUT = 5  # 50 ms, so that a hanging bus does not hold the work loop
 
 
+class Descriptors(Protocol):
+    """Where a bus gets its file descriptors from."""
+
+    def open(self) -> int:
+        """Return a new one; OSError with a sentence that says what to do."""
+
+    def close(self, fd: int) -> None:
+        """Give one back."""
+
+
+class DeviceFile:
+    """The kernel's device file of a bus."""
+
+    def __init__(self, bus: int | str) -> None:
+        """Take the number of the bus, or a path."""
+        self._path = f"/dev/i2c-{bus}" if isinstance(bus, int) else bus
+
+    def open(self) -> int:
+        """Open the file, and see to it that a bus which hangs does not hold us for long."""
+        path = self._path
+        try:
+            fd = os.open(path, os.O_RDWR)
+        except FileNotFoundError as error:
+            there = ", ".join(sorted(map(str, Path("/dev").glob("i2c-*")))) or "none"
+            text = f"no {path} (there is: {there}) - enable I2C: raspi-config, or modprobe i2c-dev"
+            raise FileNotFoundError(errno.ENOENT, text) from error
+        except PermissionError as error:
+            text = f"no rights on {path} - join its group: sudo usermod -aG i2c $USER, log in again"
+            raise PermissionError(errno.EACCES, text) from error
+        try:
+            fcntl.ioctl(fd, I2C_TIMEOUT, ADAPTER_TIMEOUT)
+        except OSError as error:
+            os.close(fd)
+            raise OSError(error.errno, f"{path} is not an I2C bus") from error
+        return fd
+
+    def close(self, fd: int) -> None:
+        """Close the file."""
+        os.close(fd)
+
+
 class Bus(SMBus):
     """An smbus2.SMBus that can be opened again in place. One thread per Bus, as in smbus2."""
 
-    def __init__(self, where: int | str) -> None:
+    def __init__(self, where: int | str, descriptors: Descriptors | None = None) -> None:
         super().__init__()
         self.where = where
-        self.open(where)
+        self._descriptors = descriptors if descriptors is not None else DeviceFile(where)
+        self.reopen()
 
-    def open(self, bus: int | str) -> None:
-        """Open the bus; an older descriptor is given up only once the new one works."""
-        self.where = bus
-        fd = self._acquire()
+    def reopen(self) -> None:
+        """Open the same bus again, as after an adapter was unplugged; OSError if it cannot be.
+
+        The older descriptor is given up only once the new one works.
+        """
+        fd = self._descriptors.open()
         previous, self.fd = self.fd, fd
         try:
             self.funcs = I2cFunc(self._get_funcs())  # type: ignore[attr-defined]
         except OSError:
             self.fd = previous
-            self._release(fd)
+            self._descriptors.close(fd)
             raise
         self.address = None  # the kernel keeps the slave address with the descriptor
         if previous is not None:
-            self._release(previous)
+            self._descriptors.close(previous)
 
     def close(self) -> None:
         """Close the bus; closing twice does nothing."""
         fd, self.fd = self.fd, None
         self.address = None
         if fd is not None:
-            self._release(fd)
-
-    def reopen(self) -> None:
-        """Open the same bus again, as after an adapter was unplugged; OSError if it cannot be."""
-        self.open(self.where)
-
-    def _acquire(self) -> int:
-        return _open_device(self.where)
-
-    def _release(self, fd: int) -> None:
-        os.close(fd)
+            self._descriptors.close(fd)
 
 
 def open_bus(
@@ -78,7 +112,7 @@ def open_bus(
     if sim_socket is None:
         raise ValueError('bus "sim" needs the path of the simulator\'s socket')
     # only a simulated bus needs these
-    from lodeline.sim.adapter import SimulatedBus
+    from lodeline.sim.adapter import SimulatedFile
     from lodeline.sim.wire import SocketTransfer
 
     link = SocketTransfer(sim_socket)
@@ -86,7 +120,7 @@ def open_bus(
     while True:
         try:
             link.connect()
-            return SimulatedBus("sim", link, link.close)
+            return Bus("sim", SimulatedFile(link, link.close))
         except OSError as error:
             if time.monotonic() >= deadline:
                 text = f"no simulator behind {sim_socket} within {timeout:g} s - start it first"
@@ -96,25 +130,6 @@ def open_bus(
 
 def open_model(model: Transfer) -> Bus:
     """Open a bus model that lives in this process."""
-    from lodeline.sim.adapter import SimulatedBus
+    from lodeline.sim.adapter import SimulatedFile
 
-    return SimulatedBus("model", model)
-
-
-def _open_device(bus: int | str) -> int:
-    path = f"/dev/i2c-{bus}" if isinstance(bus, int) else bus
-    try:
-        fd = os.open(path, os.O_RDWR)
-    except FileNotFoundError as error:
-        there = ", ".join(sorted(map(str, Path("/dev").glob("i2c-*")))) or "none"
-        text = f"no {path} (there is: {there}) - enable I2C: raspi-config, or modprobe i2c-dev"
-        raise FileNotFoundError(errno.ENOENT, text) from error
-    except PermissionError as error:
-        text = f"no rights on {path} - join its group: sudo usermod -aG i2c $USER, log in again"
-        raise PermissionError(errno.EACCES, text) from error
-    try:
-        fcntl.ioctl(fd, I2C_TIMEOUT, ADAPTER_TIMEOUT)
-    except OSError as error:
-        os.close(fd)
-        raise OSError(error.errno, f"{path} is not an I2C bus") from error
-    return fd
+    return Bus("model", SimulatedFile(model))

@@ -17,8 +17,6 @@ from typing import Any, NamedTuple, Protocol
 import smbus2.smbus2 as kernel
 from smbus2 import I2cFunc
 
-from lodeline.i2c import Bus
-
 MAX_MESSAGES = 42  # as i2c-dev
 MAX_LENGTH = 8192  # as i2c-dev
 # What a Raspberry Pi's adapter offers, without packet error codes.
@@ -41,33 +39,31 @@ class Transfer(Protocol):
         """Return what each reading message got; OSError 121 (EREMOTEIO) if nobody answers."""
 
 
-class SimulatedBus(Bus):
-    """A bus whose descriptor is one of /dev/null, which the stand-in knows."""
+class SimulatedFile:
+    """Descriptors of a simulated bus: each is one of /dev/null, which the stand-in knows."""
 
-    def __init__(
-        self, where: str, transfer: Transfer, hang_up: Callable[[], None] | None = None
-    ) -> None:
-        """Take what carries out the transactions, and what is to be called on closing."""
+    def __init__(self, transfer: Transfer, hang_up: Callable[[], None] | None = None) -> None:
+        """Take what carries out the transactions, and what is to be called after the last close."""
         self._transfer = transfer
         self._hang_up = hang_up
-        super().__init__(where)
+        self._open = 0
 
-    def close(self) -> None:
-        """Close the bus and what is behind it; closing twice does nothing."""
-        super().close()
-        if self._hang_up is not None:
-            self._hang_up()
-
-    def _acquire(self) -> int:
+    def open(self) -> int:
+        """Return a new descriptor."""
         fd = os.open(os.devnull, os.O_RDWR)
         _served[fd] = self._transfer
         vars(kernel)["ioctl"] = _ioctl
+        self._open += 1
         return fd
 
-    def _release(self, fd: int) -> None:
+    def close(self, fd: int) -> None:
+        """Give a descriptor back."""
         del _served[fd]  # first: the number may be handed out again at once
         _slaves.pop(fd, None)
-        super()._release(fd)
+        os.close(fd)
+        self._open -= 1
+        if self._open == 0 and self._hang_up is not None:
+            self._hang_up()
 
 
 _served: dict[int, Transfer] = {}
