@@ -78,7 +78,7 @@ class Inlet(Generic[M]):
         try:
             message = unpack(data, self.message)
         except DecodeError as error:
-            self._refuse("undecodable", str(error))
+            self._refuse(error.cause, str(error))
             return
         stamp, limit = message.stamp, self._limit
         self._clock.saw(stamp)

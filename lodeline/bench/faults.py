@@ -229,7 +229,7 @@ CASES = (
     Case("imu: kill -9", _send_to("imu", signal.SIGKILL), "NODE_EXIT imu", "imu/data"),
     Case("simulator: kill -9", _send_to("simulator", signal.SIGKILL), "NODE_EXIT simulator"),
     Case("foreign imu/data", _foreign, "foreign", "attitude"),
-    Case("500 broken samples", _commands(lambda _: b"\x81\xa1v\xcb", 500), "undecodable"),
+    Case("500 broken samples", _commands(lambda _: b"\x81\xa1v\xcb", 500), "truncated"),
     Case("an hour ahead", _commands(_ahead, 20), "ahead of now"),
     Case("a late burst, 3.5 s", _commands(_late, 50), "LATE"),
     Case("10 MB samples", _commands(lambda _: bytes(10_000_000), 3), ""),

@@ -88,10 +88,7 @@ def _outcome(data: bytes, kind: type[Message]) -> str:
     try:
         message = unpack(data, kind)
     except DecodeError as error:
-        # Without names and numbers: `not msgpack`, `is missing`, ...
-        text = str(error)
-        known = ("not msgpack", "is missing", "not a finite", "no exact float", "payload of")
-        return "refused: " + next((word for word in known if word in text), "wrong type or length")
+        return f"refused: {error.cause}"
     for item in fields(message):
         if not _finite(getattr(message, item.name)):
             raise AssertionError(f"{item.name} is not finite")

@@ -83,7 +83,7 @@ class Recorder:
     def _checked(self, data: bytes, encoding: str, wanted: str) -> Message:
         cls = class_of(encoding)
         if cls.__name__ != wanted:
-            raise DecodeError(f"{cls.__name__} where {wanted} is expected")
+            raise DecodeError("another class", f"{cls.__name__} where {wanted} is expected")
         return unpack(data, cls)
 
     def tend(self) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import isfinite
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import msgpack
 
@@ -27,8 +27,26 @@ MAX_TEXT = 8_192
 M = TypeVar("M", bound=Message)
 
 
+Cause = Literal[
+    "too large",
+    "truncated",
+    "malformed",
+    "no map",
+    "another class",
+    "missing field",
+    "wrong type",
+    "wrong length",
+    "not finite",
+]
+"""Why a payload is refused, in the words by which receivers count it."""
+
+
 class DecodeError(ValueError):
     """A payload that is not the message it should be; the text says which field and why."""
+
+    def __init__(self, cause: Cause, text: str) -> None:
+        super().__init__(text)
+        self.cause = cause
 
 
 def encoding_of(cls: type[Message]) -> str:
@@ -40,7 +58,9 @@ def class_of(encoding: str) -> type[Message]:
     """Message class behind a Zenoh encoding; DecodeError if we know no such class."""
     name = encoding.partition(";")[2]
     if name not in MESSAGES:
-        raise DecodeError(f"encoding {encoding!r} names no message class known here")
+        raise DecodeError(
+            "another class", f"encoding {encoding!r} names no message class known here"
+        )
     return MESSAGES[name]
 
 
@@ -62,13 +82,14 @@ def unpack(data: bytes, cls: type[M]) -> M:
     try:
         return cast(M, unpacker(values))
     except KeyError as error:
-        raise DecodeError(f"{cls.__name__}: field {error.args[0]!r} is missing") from None
+        text = f"{cls.__name__}: field {error.args[0]!r} is missing"
+        raise DecodeError("missing field", text) from None
 
 
 def unpack_map(data: bytes) -> dict[str, Any]:
     """The map in a payload, its values unchecked; DecodeError if there is none."""
     if len(data) > MAX_BYTES:
-        raise DecodeError(f"payload of {len(data)} bytes, more than {MAX_BYTES}")
+        raise DecodeError("too large", f"payload of {len(data)} bytes, more than {MAX_BYTES}")
     try:
         values = msgpack.unpackb(
             data,
@@ -80,10 +101,19 @@ def unpack_map(data: bytes) -> dict[str, Any]:
             max_ext_len=0,
         )
     except (ValueError, TypeError, msgpack.exceptions.UnpackException, RecursionError) as error:
-        raise DecodeError(f"not msgpack: {error or type(error).__name__}") from None
+        text = str(error) or type(error).__name__
+        raise DecodeError(_cause_of(text), f"not msgpack: {text}") from None
     if type(values) is not dict:
-        raise DecodeError(f"a {type(values).__name__} where a map of field names is expected")
+        kind = type(values).__name__
+        raise DecodeError("no map", f"a {kind} where a map of field names is expected")
     return values
+
+
+def _cause_of(text: str) -> Cause:
+    """What msgpack found; it has one exception class for most of it, but words of its own."""
+    if "incomplete input" in text:
+        return "truncated"
+    return "too large" if "exceeds max_" in text else "malformed"
 
 
 # One packer serves all: packing built-in types never runs other Python code in between.
@@ -153,32 +183,38 @@ def _mend(value: Any, spec: FieldSpec, cls: type[Message]) -> Any:
     if kind in (int, bool, str):
         if type(value) is kind:
             return value
-        raise DecodeError(f"{where}: {type(value).__name__} where {kind.__name__} is expected")
+        raise _wrong_type(where, value, kind.__name__)
     if kind is float:
         return _number(value, where)
     if kind == dict[str, float] or kind == dict[str, int]:
         if type(value) is not dict or any(type(key) is not str for key in value):
-            raise DecodeError(f"{where}: a map from text is expected")
+            raise DecodeError("wrong type", f"{where}: a map from text is expected")
         if kind == dict[str, float]:
             return {key: _number(part, f"{where}[{key!r}]") for key, part in value.items()}
         for key, part in value.items():
             if type(part) is not int:
-                raise DecodeError(f"{where}[{key!r}]: {type(part).__name__} where int is expected")
+                raise _wrong_type(f"{where}[{key!r}]", part, "int")
         return value
     if type(value) is not tuple:
-        raise DecodeError(f"{where}: {type(value).__name__} where an array is expected")
+        raise _wrong_type(where, value, "an array")
     if spec.length is not None and len(value) != spec.length:
-        raise DecodeError(f"{where}: {len(value)} parts where {spec.length} are expected")
+        text = f"{where}: {len(value)} parts where {spec.length} are expected"
+        raise DecodeError("wrong length", text)
     return tuple(_number(part, f"{where}[{i}]") for i, part in enumerate(value))
 
 
 def _number(value: Any, where: str) -> float:
     if type(value) is int:
         if abs(value) > 1 << 53:
-            raise DecodeError(f"{where}: the integer {value} is no exact float")
+            raise DecodeError("wrong type", f"{where}: the integer {value} is no exact float")
         return float(value)
     if type(value) is not float:
-        raise DecodeError(f"{where}: {type(value).__name__} where a number is expected")
+        raise _wrong_type(where, value, "a number")
     if not isfinite(value):
-        raise DecodeError(f"{where}: {value} is not a finite number")
+        raise DecodeError("not finite", f"{where}: {value} is not a finite number")
     return value
+
+
+def _wrong_type(where: str, value: Any, wanted: str) -> DecodeError:
+    text = f"{where}: {type(value).__name__} where {wanted} is expected"
+    return DecodeError("wrong type", text)

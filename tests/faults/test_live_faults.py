@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,9 @@ nodes:
     params: {{trips: 10}}
   unfounded: {{run: {NODES}/unfounded.py, inputs: {{wheels: wheels}}}}
 """
+
+
+OF_ANY_CLASS = ("truncated", "malformed", "no map")
 
 
 class Rig:
@@ -150,13 +154,27 @@ def test_a_foreign_sender_on_an_owned_key_is_seen_and_changes_nothing(rig: Rig) 
 
 def test_a_corpus_of_broken_samples_is_counted_and_the_node_lives_on(rig: Rig) -> None:
     commands = rig.publisher("command", Twist)
-    pids, before = rig.pids(), rig.rejected("undecodable")
-    broken = [data for data, _ in BROKEN.values() if len(data) < 1 << 20]
+    pids, before = rig.pids(), Counter(rig.status("relay").rejected)
     whole = {"stamp": time.time_ns(), "v": float("nan"), "w": 1.0}
-    for data in (*broken, msgpack.packb(whole), b"\xff" * 60_000):
+    corpus = [
+        *((data, cause) for data, cause, _ in BROKEN.values() if cause in OF_ANY_CLASS),
+        (msgpack.packb(whole), "not finite"),
+        (msgpack.packb(whole | {"v": "fast"}), "wrong type"),
+        (msgpack.packb({"stamp": 1, "v": 1.0}), "missing field"),
+        (b"\xff" * 60_000, "malformed"),
+    ]
+    for data, _ in corpus:
         commands.put(data)
-    count = len(broken) + 2
-    assert eventually(lambda: rig.rejected("undecodable") == before + count)
+    wanted = Counter(cause for _, cause in corpus)
+    assert len(wanted) == 6
+
+    def counted_and_said() -> bool:
+        status = rig.status("relay")
+        counted = Counter(status.rejected) - before == wanted
+        said = status.last_error.startswith("REFUSED faulty/command: ")
+        return counted and said and status.state == "degraded"
+
+    assert eventually(counted_and_said), rig.status("relay")
     commands.put(pack(Twist(time.time_ns(), 7.0, 0.0, seq=1)))
     assert eventually(lambda: rig.back[-1].right == 7)
     assert rig.pids() == pids

@@ -121,7 +121,7 @@ def test_what_cannot_be_decoded_is_counted_and_named() -> None:
     bench = Bench()
     bench.inlet.take(b"\xc1")
     bench.put(0, 1)
-    assert bench.rejected == {"undecodable": 1}
+    assert bench.rejected == {"malformed": 1}
     assert "not msgpack" in bench.inlet.last_error
     assert len(bench.taken) == 1
 
