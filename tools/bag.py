@@ -50,14 +50,24 @@ def parser() -> argparse.ArgumentParser:
 
     verb = verbs.add_parser("record", help="write down what a running pipeline sends, until Ctrl-C")
     verb.add_argument("keys", nargs="*", metavar="KEY", help="default: all")
-    _output(verb, required=False)
+    _output(verb, "PIPELINE-DATE-TIME.mcap")
     verb.add_argument("--seconds", type=_positive, metavar="N", help="end after N seconds")
     verb.add_argument("--name", metavar="PIPELINE", help="which one, if several run")
     verb.set_defaults(verb=_record)
 
     verb = verbs.add_parser("import", help="make a recording of a robot's text file")
     verb.add_argument("file", type=Path)
-    verb.add_argument("--format", required=True, choices=list(FORMATS), help="what the file is")
+    verb.add_argument(
+        "--format", choices=list(FORMATS), default="csv", help="what the file is (default: csv)"
+    )
+    verb.add_argument(
+        "--map", type=Path, metavar="MAP.yaml", help="csv: which column is which field of which key"
+    )
+    verb.add_argument(
+        "--preview",
+        action="store_true",
+        help="csv: show columns, first rows and a map to begin with; with --map, what it makes",
+    )
     verb.add_argument(
         "--course",
         action="store_true",
@@ -72,7 +82,7 @@ def parser() -> argparse.ArgumentParser:
         choices=[1, -1],
         help="lecture-imu: sign of z at rest (default: as the first rows have it)",
     )
-    _output(verb)
+    _output(verb, "FILE.mcap, here")
     verb.set_defaults(verb=_import)
 
     verb = verbs.add_parser("info", help="keys, counts, rates, duration")
@@ -101,10 +111,10 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _output(verb: argparse.ArgumentParser, required: bool = True) -> None:
-    default = "the new recording" + ("" if required else " (default: PIPELINE-DATE-TIME.mcap)")
+def _output(verb: argparse.ArgumentParser, default: str = "") -> None:
+    text = f"the new recording (default: {default})" if default else "the new recording"
     verb.add_argument(
-        "-o", "--output", type=Path, required=required, metavar="OUT.mcap", help=default
+        "-o", "--output", type=Path, required=not default, metavar="OUT.mcap", help=text
     )
     verb.add_argument("--force", action="store_true", help="replace the output if it exists")
 
@@ -126,9 +136,14 @@ def _not_negative(text: str) -> float:
 def _import(args: argparse.Namespace) -> int:
     from lodeline.recording.write import RecordingWriter, whole_file
 
+    if args.format == "csv" and (args.preview or args.map is None):
+        return _preview(args)
     samples, source = FORMATS[args.format](args)
+    if not samples:
+        raise RecordingError(f"{args.file}: no row makes a sample (look with --preview)")
+    output = args.output or Path(f"{args.file.name.partition('.')[0]}.mcap")
     metadata = {"clock": "recording", "source": source}
-    with whole_file(args.output, replace=args.force) as stream:
+    with whole_file(output, replace=args.force) as stream:
         writer = RecordingWriter(stream, metadata)
         for key, message in samples:
             writer.write(key, message)
@@ -136,8 +151,37 @@ def _import(args: argparse.Namespace) -> int:
     seconds = (samples[-1][1].stamp - samples[0][1].stamp) * 1e-9
     rows = sum(key == samples[0][0] for key, _ in samples)
     keys = " and ".join(dict.fromkeys(key for key, _ in reversed(samples)))
-    print(f"{args.output}: {rows} rows of {keys}, {seconds:.2f} s")
+    print(f"{output}: {rows} rows of {keys}, {seconds:.2f} s")
     return 0
+
+
+def _preview(args: argparse.Namespace) -> int:
+    from lodeline.recording import csv_preview
+    from lodeline.recording.csv_map import read_map
+    from lodeline.recording.imu_csv import CsvTable
+
+    with CsvTable(args.file) as table:
+        if args.map is not None:
+            print("\n".join(csv_preview.of_map(table, read_map(args.map, table.columns))))
+            return 0
+        if args.preview:
+            print("\n".join(csv_preview.of_columns(table)), file=sys.stderr)
+            print(csv_preview.of_guess(table), end="")
+            return 0
+    raise RecordingError(
+        f"{args.file}: which column is what? Begin with\n"
+        f"  lodeline bag import {args.file} --preview > map.yaml\n"
+        f"correct map.yaml, and import with --map map.yaml"
+    )
+
+
+def _csv(args: argparse.Namespace) -> Imported:
+    from lodeline.recording.csv_map import read_map, samples
+    from lodeline.recording.imu_csv import CsvTable
+
+    with CsvTable(args.file) as table:
+        mapping = read_map(args.map, table.columns)
+        return list(samples(table, mapping)), f"{args.file.name} by {args.map.name}"
 
 
 def _magnet_lab(args: argparse.Namespace) -> Imported:
@@ -170,6 +214,7 @@ def _lecture_imu(args: argparse.Namespace) -> Imported:
 
 
 FORMATS: dict[str, Callable[[argparse.Namespace], Imported]] = {
+    "csv": _csv,
     "magnet-lab": _magnet_lab,
     "lecture-wheels": _lecture_wheels,
     "lecture-imu": _lecture_imu,

@@ -1,7 +1,8 @@
 """Tables of sensor readings: CSV files, plain or gzipped, whose columns are found by name.
 
 `t_s` [s], `gx gy gz` [rad/s], `ax ay az` [m/s^2, specific force], `mx my mz` [uT]; the order is
-free, other columns are left alone, `#` begins a line of comment. What is wrong is told with file
+free, other columns are left alone, `#` begins a line of comment, and `;` or a tab may stand for the
+comma. What is wrong is told with file
 and line. Microtesla become tesla here and nowhere else.
 """
 
@@ -24,6 +25,7 @@ TIME = "t_s"
 GYRO, ACCEL, MAG = ("gx", "gy", "gz"), ("ax", "ay", "az"), ("mx", "my", "mz")
 MICROTESLA = 1e-6
 GZIP_MAGIC = b"\x1f\x8b"
+HEADER_BYTES = 4096  # among which the names of the columns are looked for
 Cells = tuple[float | None, ...]
 
 
@@ -47,11 +49,11 @@ class CsvTable:
     def __init__(self, file: Path) -> None:
         self.file = file
         try:
-            self._stream = _open(file)
+            self._stream, delimiter = _open(file)
         except OSError as error:
             raise RecordingError(f"{file}: {error.strerror or error}") from None
         try:
-            self._lines = self._read()
+            self._lines = self._read(delimiter)
             _, header = next(self._lines, (0, None))
             if header is None:
                 raise RecordingError(f"{file}: is empty, expected a header with {TIME}, gx, ...")
@@ -59,6 +61,10 @@ class CsvTable:
         except BaseException:
             self._stream.close()
             raise
+
+    def cells(self) -> Iterator[tuple[int, list[str]]]:
+        """(line, cells) of each row, unread."""
+        return self._lines
 
     def rows(
         self, needed: Sequence[str], wanted: Sequence[str] = ()
@@ -105,9 +111,9 @@ class CsvTable:
             self.fail(line, f"{name} is {text[:40]!r}, expected a number")
         return number
 
-    def _read(self) -> Iterator[tuple[int, list[str]]]:
+    def _read(self, delimiter: str) -> Iterator[tuple[int, list[str]]]:
         """Lines that hold something, as cells; whatever the file cannot be read for is told."""
-        reader = csv.reader(self._stream)
+        reader = csv.reader(self._stream, delimiter=delimiter)
         while True:
             try:
                 cells = next(reader, None)
@@ -153,8 +159,15 @@ def read_imu(table: CsvTable, extra: Sequence[str] = ()) -> Iterator[ImuRow]:
         yield ImuRow(line, t, (gx, gy, gz), (ax, ay, az), field, tuple(rest))
 
 
-def _open(file: Path) -> io.TextIOWrapper:
+def _open(file: Path) -> tuple[io.TextIOWrapper, str]:
+    """The text of a file, and what stands between its columns."""
     stream = file.open("rb")
     packed = stream.peek(2)[:2] == GZIP_MAGIC
     data = gzip.GzipFile(fileobj=stream) if packed else stream
-    return io.TextIOWrapper(data, encoding="utf-8-sig", newline="")
+    try:
+        start = data.peek(HEADER_BYTES)[:HEADER_BYTES].decode("utf-8-sig", "replace")
+    except (EOFError, OSError, zlib.error):
+        start = ""  # told with its line when it is read
+    header = next((line for line in start.splitlines() if not line.startswith("#")), "")
+    delimiter = max(",;\t", key=header.count)
+    return io.TextIOWrapper(data, encoding="utf-8-sig", newline=""), delimiter

@@ -79,7 +79,7 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("lodeline topic echo --ti", {"--timeout"}),
         ("lodeline graph --m", {"--mermaid"}),
         ("lodeline completion ", {"bash", "zsh"}),
-        ("lodeline bag import --format ", {"lecture-imu", "lecture-wheels", "magnet-lab"}),
+        ("lodeline bag import --format ", {"csv", "lecture-imu", "lecture-wheels", "magnet-lab"}),
     ],
 )
 def test_bash_completes(script: Path, line: str, expected: set[str]) -> None:
