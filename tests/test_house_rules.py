@@ -131,7 +131,9 @@ def test_importing_a_node_loads_no_array_library() -> None:
                 else [node.module or ""]
             )
         }
-        allowed = heavy if file.name == "filterpy_engine.py" else set()
+        # a class may use matrices: its exercises start nowhere but on its own machines
+        exempt = file.name == "filterpy_engine.py" or file.parent.name == "exercises"
+        allowed = heavy if exempt else set()
         assert not (names & heavy) - allowed, file
 
 

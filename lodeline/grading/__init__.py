@@ -1,0 +1,6 @@
+"""Exercises for a class: nodes with a part left to write, and the answer held against theirs."""
+
+from lodeline.grading.exercise import EXERCISES, Exercise
+from lodeline.grading.grade import Grade, GradingError, grade
+
+__all__ = ["EXERCISES", "Exercise", "Grade", "GradingError", "grade"]

@@ -1,0 +1,156 @@
+"""A student's node is held against the reference, and told what is wrong with it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lodeline import cli
+from lodeline.grading import EXERCISES, GradingError, grade, mistakes
+
+Capture = pytest.CaptureFixture[str]
+MISTAKES = [
+    pytest.param(name, mistake, id=f"{name}-{mistake.wrong.__name__}")
+    for name, exercise in EXERCISES.items()
+    for mistake in exercise.mistakes
+]
+
+
+def write(folder: Path, text: str) -> Path:
+    file = folder / "mine.py"
+    file.write_text(text)
+    return file
+
+
+@pytest.mark.parametrize("name", EXERCISES)
+def test_a_blank_loads_and_runs_but_does_not_pass(name: str, tmp_path: Path) -> None:
+    blank = EXERCISES[name].blank()
+    assert "solution" not in blank
+    found = grade(EXERCISES[name], write(tmp_path, blank), seeds=(1,))
+    assert not found.passed
+    assert found.raised == ""
+    assert found.sent == found.wanted > 1000
+
+
+@pytest.mark.parametrize("name", EXERCISES)
+def test_the_solution_passes(name: str, tmp_path: Path) -> None:
+    solved = EXERCISES[name].file.read_text()
+    found = grade(EXERCISES[name], write(tmp_path, solved), seeds=(1, 3))
+    assert found.passed
+    assert [difference.worst for difference in found.differences] == pytest.approx(
+        [0.0] * len(found.differences), abs=1e-12
+    )
+
+
+@pytest.mark.parametrize(("name", "mistake"), MISTAKES)
+def test_a_known_mistake_is_told_apart_from_all_others(
+    name: str, mistake: object, tmp_path: Path
+) -> None:
+    wrong, hint, function = (getattr(mistake, word) for word in ("wrong", "hint", "function"))
+    text = EXERCISES[name].file.read_text()
+    # The student's function, written as the mistake writes it.
+    line = (
+        f"from lodeline.grading.mistakes import {wrong.__name__}\n{function} = {wrong.__name__}\n"
+    )
+    place = text.index("@dataclass")
+    found = grade(EXERCISES[name], write(tmp_path, text[:place] + line + text[place:]), seeds=(1,))
+    assert not found.passed
+    assert found.hint == hint
+
+
+def test_another_way_to_write_it_passes_too(tmp_path: Path) -> None:
+    body = """\
+    turn = (right - left) / track
+    way = (left + right) / 2
+    return way * cos(yaw + turn / 2), way * sin(yaw + turn / 2), turn
+"""
+    blank = EXERCISES["odometry"].blank()
+    mine = re.sub(r"    # Your part.*\n    return .*\n", body, blank)
+    assert mine != blank
+    assert grade(EXERCISES["odometry"], write(tmp_path, mine)).passed
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (("return 0.0, 0.0, 0.0", "return 0.0, 0.0, 0.0 / 0"), "line 23: ZeroDivisionError"),
+        (("return 0.0, 0.0, 0.0", "return float('nan'), 0.0, 0.0"), ""),
+        (("self.odom.send(", "str("), ""),
+    ],
+)
+def test_what_raises_is_no_number_or_sends_nothing_does_not_pass(
+    change: tuple[str, str], why: str, tmp_path: Path
+) -> None:
+    blank = EXERCISES["odometry"].blank()
+    assert change[0] in blank
+    found = grade(EXERCISES["odometry"], write(tmp_path, blank.replace(*change)), seeds=(1,))
+    assert not found.passed
+    assert found.raised.startswith(why)
+    assert not found.raised or why
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("def odd(:\n", "does not load: line 1: SyntaxError"),
+        ("import numpi\n", "does not load: line 1: ModuleNotFoundError: No module named 'numpi'"),
+        ("x = 1\n", "must define exactly one node class, found none"),
+    ],
+)
+def test_a_file_that_is_no_node_is_told_apart(text: str, why: str, tmp_path: Path) -> None:
+    with pytest.raises(GradingError, match=re.escape(why)):
+        grade(EXERCISES["heading"], write(tmp_path, text))
+
+
+def test_ports_are_to_be_left_alone(tmp_path: Path) -> None:
+    text = (
+        EXERCISES["heading"]
+        .blank()
+        .replace("    mag = ", "    compass = ")
+        .replace("@mag", "@compass")
+    )
+    with pytest.raises(GradingError, match="no input mag of MagneticField"):
+        grade(EXERCISES["heading"], write(tmp_path, text))
+
+
+def test_the_verb_lists_writes_and_grades(tmp_path: Path, capsys: Capture) -> None:
+    assert cli.main(["grade"]) == 0
+    listed = capsys.readouterr().out
+    assert all(name in listed for name in EXERCISES)
+    mine = str(tmp_path / "my_heading.py")
+    assert cli.main(["grade", "heading", "--blank", mine]) == 0
+    assert f"lodeline grade heading {mine}" in capsys.readouterr().out
+    assert cli.main(["grade", "heading", "--blank", mine]) == 1
+    assert "File exists" in capsys.readouterr().err
+    assert cli.main(["grade", "heading", mine, "--seed", "1", "--json"]) == 1
+    report = json.loads(capsys.readouterr().out)
+    assert report["passed"] is False
+    assert report["differences"]["yaw"]["fine"] is False
+    assert cli.main(["grade", "heading", str(EXERCISES["heading"].file), "--seed", "1"]) == 0
+    assert capsys.readouterr().out.endswith("PASSED\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [(["headin", "x.py"], "did you mean 'heading'?"), (["heading"], "which file?")],
+)
+def test_wrong_words_are_usage_errors(arguments: list[str], why: str, capsys: Capture) -> None:
+    with pytest.raises(SystemExit) as stop:
+        cli.main(["grade", *arguments])
+    assert stop.value.code == 2
+    assert why in capsys.readouterr().err
+
+
+def test_every_mistake_has_a_hint_of_its_own() -> None:
+    lists: list[tuple[tuple[Callable[..., object], str], ...]] = [
+        mistakes.TRAVEL,
+        mistakes.HEADING,
+        mistakes.EXPECTED,
+        mistakes.JACOBIAN,
+    ]
+    hints = [hint for each in lists for _, hint in each]
+    assert len(hints) == len(set(hints)) == 15

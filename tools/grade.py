@@ -1,0 +1,109 @@
+"""Exercises for a class: write what is missing in a node, and see whether it is right.
+
+    lodeline grade                          which exercises there are
+    lodeline grade odometry --blank my.py   a node with a part to write
+    lodeline grade odometry my.py           over two simulated drives, beside the reference
+
+Exit codes: 0 right, 1 not right yet, 2 usage.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # the simulator is loaded when there is something to grade
+    from lodeline.grading import Exercise, Grade
+
+WRONG = 1
+
+
+def main(argv: list[str]) -> int:
+    """Run `lodeline grade`; the exit code."""
+    parse = parser()
+    args = parse.parse_args(argv)
+    from lodeline.grading import EXERCISES, GradingError, grade
+
+    if args.exercise is None:
+        for exercise in EXERCISES.values():
+            print(f"{exercise.name:12} {exercise.title}")
+        return 0
+    if args.exercise not in EXERCISES:
+        from lodeline.params import nearest
+
+        parse.error(f"no exercise {args.exercise!r}{nearest(args.exercise, EXERCISES)}")
+    exercise = EXERCISES[args.exercise]
+    if args.blank is not None:
+        return _write(exercise, args.blank)
+    if args.file is None:
+        parse.error("which file? (a new one: --blank FILE)")
+    try:
+        found = grade(exercise, args.file, args.seed or (1, 2))
+    except GradingError as error:
+        print(error, file=sys.stderr)
+        return WRONG
+    print(json.dumps(_as_json(found), indent=1) if args.json else _as_text(found))
+    return 0 if found.passed else WRONG
+
+
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline grade` takes."""
+    parser = argparse.ArgumentParser(
+        "lodeline grade", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("exercise", nargs="?", help="which one (default: list them)")
+    parser.add_argument("file", nargs="?", type=Path, help="your node")
+    parser.add_argument("--blank", type=Path, metavar="FILE", help="write a node to begin with")
+    parser.add_argument(
+        "--seed", type=int, action="append", metavar="N", help="another drive (default: 1 and 2)"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    return parser
+
+
+def _write(exercise: Exercise, file: Path) -> int:
+    try:
+        with file.open("x") as stream:
+            stream.write(exercise.blank())
+    except OSError as error:
+        print(f"lodeline grade: {file}: {error.strerror}", file=sys.stderr)
+        return WRONG
+    print(f"{file}: write what is missing, then: lodeline grade {exercise.name} {file}")
+    return 0
+
+
+def _as_json(found: Grade) -> dict[str, object]:
+    return {
+        "passed": found.passed,
+        "wanted": found.wanted,
+        "sent": found.sent,
+        "differences": {
+            each.quantity.name: {"worst": each.worst, "at": each.seconds, "fine": each.fine}
+            for each in found.differences
+        },
+        "raised": found.raised,
+        "hint": found.hint,
+    }
+
+
+def _as_text(found: Grade) -> str:
+    lines = [f"{found.sent} of {found.wanted} samples"]
+    for each in found.differences:
+        quantity = each.quantity
+        verdict = "right" if each.fine else f"wrong, worst {each.seconds:.2f} s after the start"
+        lines.append(
+            f"{quantity.name:4} off by at most {each.worst:.3g} {quantity.unit} "
+            f"(allowed {quantity.tolerance:g}): {verdict}"
+        )
+    if found.raised:
+        lines.append(f"raised {found.raised}")
+    if found.hint:
+        lines.append(f"hint: {found.hint}")
+    return "\n".join([*lines, "PASSED" if found.passed else "not yet"])
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
