@@ -21,7 +21,8 @@ class NodeLaunch:
     """One node of a process.
 
     `awaited` are its output ports with a consumer on this host, `guarded` its input ports that
-    only a process of this host may send to, `rates` the rates [Hz] expected of output ports.
+    only a process of this host may send to, `rates` the rates [Hz] expected of output ports; with
+    `restart_on_silence` it ends when one of these was silent for long.
     """
 
     name: str
@@ -32,6 +33,7 @@ class NodeLaunch:
     awaited: tuple[str, ...]
     guarded: tuple[str, ...] = ()
     rates: dict[str, float] = field(default_factory=dict)
+    restart_on_silence: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,4 +124,5 @@ def _node_launch(pipeline: Pipeline, spec: NodeSpec) -> NodeLaunch:
         guarded=guarded,
         # Played recordings are as fast as they are played.
         rates=spec.rates if pipeline.clock == "host" else {},
+        restart_on_silence=spec.restart_on_silence,
     )

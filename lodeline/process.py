@@ -38,6 +38,7 @@ EX_USAGE, EX_DEVICE, EX_SOFTWARE, EX_CONFIG = 64, 69, 70, 78
 BEAT_S = 0.2
 STATUS_S = 1.0
 LAYING_S = 5.0
+SILENCE_S = 5.0
 MAX_FAILURES = 20
 """A node whose handler raised this often in a row is beyond help: its process ends."""
 
@@ -147,6 +148,7 @@ class NodeProcess:
         orders = Orders()
         notifier.send("READY=1")
         linked, started = False, time.monotonic()
+        expected = None
         next_status = started + STATUS_S
         while not (orders.stop or self.failed.is_set()):
             # While wires are being laid, look often: the whole pipeline waits for the last one.
@@ -162,6 +164,7 @@ class NodeProcess:
                 orders.epoch = None
             if orders.go:
                 orders.go = False
+                expected = time.monotonic()
                 for ticker in self.tickers:
                     ticker.start()
             if self._beats():
@@ -169,6 +172,8 @@ class NodeProcess:
             if time.monotonic() >= next_status:
                 next_status += STATUS_S
                 self._report(notifier)
+                if expected is not None:
+                    self._mind_silence(expected)
         notifier.send("STOPPING=1")
         self._close()
         return self.exit_code
@@ -183,6 +188,13 @@ class NodeProcess:
         notifier.send(f"STATUS={self.status.text()}")
         for line in self.gossip.news(self.status.complaints, time.monotonic()):
             print(line, file=sys.stderr, flush=True)
+
+    def _mind_silence(self, since: float) -> None:
+        """End if a node that is to be started again when it is silent, is."""
+        for item in self.launch.nodes:
+            if item.restart_on_silence and self.status.silence(item.name, since) > SILENCE_S:
+                self.keepsakes[item.name].forget()
+                self._give_up(item.name, f"nothing sent for {SILENCE_S:g} s")
 
     def _linked(self) -> bool:
         waited = [item.outputs[port] for item in self.launch.nodes for port in item.awaited]

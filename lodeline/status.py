@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,12 @@ from lodeline.bus import Publisher, Session
 from lodeline.health import Complaint, Pace, worst
 from lodeline.inlet import Inlet, counts
 from lodeline.launch import Launch
-from lodeline.node import Node
+from lodeline.node import Driver, Node
 from lodeline_msgs import Message, NodeStatus, encoding_of, pack
 
 LONGEST_TEXT = 500
+MOST_MISSED = 0.05
+"""A driver that skips a larger part of its ticks in a second is degraded."""
 
 
 class Outlet:
@@ -45,6 +48,11 @@ class Outlet:
             self.bytes += len(data)
             self.publisher.put(data)
 
+    @property
+    def paced(self) -> bool:
+        """Whether a rate is expected of it."""
+        return self._pace is not None
+
     def drain(self, elapsed: float) -> tuple[float, float]:
         """Samples and bytes a second since the last call, `elapsed` seconds ago."""
         rates = self.sent / elapsed, self.bytes / elapsed
@@ -69,7 +77,7 @@ class StatusReporter:
             name: bus.keeper(f"{launch.pipeline}/status/{name}", encoding_of(NodeStatus))
             for name in nodes
         }
-        self._exceptions = dict.fromkeys(nodes, 0)
+        self._told: Counter[tuple[str, str]] = Counter()
         self.complaints: list[Complaint] = []
         self._seq = 0
         self._since = time.monotonic()
@@ -80,6 +88,15 @@ class StatusReporter:
         outlet = Outlet(publisher, expected)
         self._outlets[node].append(outlet)
         return outlet
+
+    def silence(self, node: str, since: float) -> float:
+        """How long [s] the output of a node was silent that was so longest, of those with a rate.
+
+        Before `since` [s, monotonic] nobody expected anything.
+        """
+        now = time.monotonic()
+        paced = [outlet for outlet in self._outlets[node] if outlet.paced]
+        return max((now - max(outlet.last, since) for outlet in paced), default=0.0)
 
     def mute(self, muted: bool) -> None:
         """Keep what all nodes send off the bus, or no more."""
@@ -146,12 +163,21 @@ class StatusReporter:
         context = self._nodes[name].context
         found = [item for inlet in self._inlets[name] for item in inlet.complaints()]
         paces = [outlet.complaint(now) for outlet in self._outlets[name]]
-        raised = context.rejected["exception"] - self._exceptions[name]
-        if raised:
-            self._exceptions[name] += raised
+        if raised := self._new(name, "exception"):
             text = f"{raised} in the last second, the last {context.last_error}"
             found.append(Complaint("degraded", f"EXCEPTIONS {name}", text))
+        node = self._nodes[name]
+        missed = self._new(name, "missed tick")
+        if isinstance(node, Driver) and missed > MOST_MISSED * node.params.rate:
+            text = f"{missed} of {node.params.rate:g} in the last second, too much else runs here"
+            found.append(Complaint("degraded", f"MISSED_TICKS {name}", text))
         return [*found, *(pace for pace in paces if pace is not None)]
+
+    def _new(self, name: str, cause: str) -> int:
+        """How many of a node's samples or ticks were lost to a cause since the last look."""
+        now = self._nodes[name].context.rejected[cause]
+        new, self._told[name, cause] = now - self._told[name, cause], now
+        return new
 
     def text(self) -> str:
         """What is wrong with the nodes of this process, in words; empty if nothing is."""

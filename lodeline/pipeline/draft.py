@@ -17,7 +17,7 @@ MAX_QUEUE = 100_000
 FILE_KEYS = ("name", "clock", "hosts", "tls", "link_rate", "external", "nodes")
 NODE_KEYS = (
     *("run", "host", "process", "inputs", "outputs", "params", "rate"),
-    *("restart", "required", "priority", "cpu"),
+    *("restart", "restart_on_silence", "required", "priority", "cpu", "rss_mb"),
 )
 
 
@@ -54,9 +54,11 @@ class DraftNode:
     outputs: tuple[Wire, ...]
     rates: dict[str, float]
     restart: Restart | None
+    restart_on_silence: bool
     required: bool
     priority: int | None
     cpu: int | None
+    rss_mb: float | None
 
     def at(self, key: str) -> Place:
         """Where the value of one of the node's keys stands; the node's name if it is not there."""
@@ -147,10 +149,20 @@ def _node(shape: Shape, name: str, item: Item, hosts: dict[str, Host]) -> DraftN
         outputs=_wires(shape, items.get("outputs"), "output"),
         rates=_rates(shape, items.get("rate")),
         restart=shape.value(items.get("restart"), Restart, "restart"),
+        restart_on_silence=_on_silence(shape, items),
         required=shape.value(items.get("required"), bool, "required", False),
         priority=shape.ranged(items.get("priority"), "priority", 1, 99),
         cpu=shape.ranged(items.get("cpu"), "cpu", 0, 1023),
+        rss_mb=shape.positive(items.get("rss_mb"), float, "rss_mb"),
     )
+
+
+def _on_silence(shape: Shape, items: dict[str, Item]) -> bool:
+    item = items.get("restart_on_silence")
+    wanted: bool = shape.value(item, bool, "restart_on_silence", False)
+    if item is not None and wanted and "rate" not in items:
+        shape.fault(item.place, "restart_on_silence needs a declared rate, write `rate: ...`")
+    return wanted
 
 
 def _host_of(shape: Shape, item: Item | None, hosts: dict[str, Host]) -> str | None:

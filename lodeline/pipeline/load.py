@@ -137,9 +137,11 @@ def _spec(name: str, node: DraftNode, file: Path, cls: type[Node[Any]], params: 
         outputs={wire.port: f"{name}/{wire.key}" for wire in node.outputs},
         rates=node.rates,
         restart=node.restart or ("always" if issubclass(cls, Driver) else "limited"),
+        restart_on_silence=node.restart_on_silence,
         required=node.required,
         priority=node.priority,
         cpu=node.cpu,
+        rss_mb=node.rss_mb,
     )
 
 

@@ -45,6 +45,8 @@ class NodeSpec:
     `process` is the name of the process it shares with others, its own name if it is alone;
     `rates` the expected rate [Hz] of an output port; `restart` what happens when it dies: for
     ever `always`, `limited` to 5 times a minute, or `never`; `required` stops all when it failed.
+    With `restart_on_silence` it also dies when it sent nothing for 5 s on an output with a rate;
+    at more than `rss_mb` megabytes (10^6 bytes) of memory its process is killed.
     """
 
     name: str
@@ -60,6 +62,8 @@ class NodeSpec:
     required: bool
     priority: int | None
     cpu: int | None
+    restart_on_silence: bool = False
+    rss_mb: float | None = None
 
     @property
     def is_driver(self) -> bool:

@@ -133,7 +133,7 @@ def _check_processes(draft: Draft, faults: list[Fault]) -> None:
             faults.append(
                 place.fault(f"{text}, but run on hosts {leader.host!r} and {node.host!r}")
             )
-        for key in ("restart", "priority", "cpu"):
+        for key in ("restart", "priority", "cpu", "rss_mb"):
             ours, theirs = getattr(node, key), getattr(leader, key)
             if ours is not None and theirs is not None and ours != theirs:
                 hint = f"but {leader.name!r} has {key}: {theirs}"

@@ -12,7 +12,10 @@ from lodeline.pipeline.model import Restart
 
 @dataclass(frozen=True, slots=True)
 class BackoffParams:
-    """Delays double from `first` to `longest`; `limited` processes get `count` in `window`."""
+    """Delays double from `first` to `longest`; `limited` processes get `count` in `window`.
+
+    A process that had been ready for `settled` is started again at once.
+    """
 
     first: Annotated[float, "s"] = 0.1
     longest: Annotated[float, "s"] = 5.0
@@ -48,9 +51,10 @@ class Backoff:
         used_up = len(self._restarts) == params.count
         if self._restart == "limited" and used_up and now - self._restarts[0] < params.window:
             return None
+        self._restarts.append(now)
         if ready_for >= params.settled:
             self._in_a_row = 0
+            return 0.0
         delay = min(params.longest, params.first * 2.0 ** min(self._in_a_row, 30))
         self._in_a_row += 1
-        self._restarts.append(now)
         return delay * self._uniform(1.0 - params.jitter, 1.0 + params.jitter)

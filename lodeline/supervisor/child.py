@@ -24,7 +24,7 @@ from lodeline.supervisor.notify import NotifySocket
 from lodeline.supervisor.plan import Plan, Timing
 from lodeline.supervisor.process import Process
 from lodeline.supervisor.schedule import grant
-from lodeline.supervisor.usage import Usage
+from lodeline.supervisor.usage import Usage, resident
 
 State = Literal[
     "starting", "ready", "running", "hung", "waiting", "done", "failed", "stopping", "stopped"
@@ -32,6 +32,8 @@ State = Literal[
 ALIVE = ("starting", "ready", "running", "hung", "stopping")
 OVER = ("done", "failed", "stopped")
 
+NEAR = 0.8
+"""Of the memory that a process may take: at this part of it a word is said."""
 EX_USAGE, EX_OSERR, EX_CONFIG = 64, 71, 78
 
 
@@ -61,6 +63,7 @@ class Child:
         self.status = ""
         self.scheduling = ("", "")
         self.usage = Usage()
+        self._heavy = False
         self.since = time.monotonic()
         self._around = around
         self._backoff = Backoff(plan.restart, around.timing.backoff, around.uniform)
@@ -153,7 +156,10 @@ class Child:
 
     def check(self, now: float) -> None:
         """See whether it is late with something, and act."""
-        if not self.alive or now < self._due:
+        if not self.alive:
+            return
+        self._weigh()
+        if now < self._due:
             return
         timing, name = self._around.timing, self.plan.name
         if self.state == "starting":
@@ -221,6 +227,7 @@ class Child:
         if self.scheduling[1] and self.restarts == 0:
             self._event(f"NOT_GRANTED {plan.name}: {self.scheduling[1]}")
         self.usage = Usage()
+        self._heavy = False
         self.since = time.monotonic()
         self._due = self.since + around.timing.ready
         self._become("starting")
@@ -249,7 +256,8 @@ class Child:
             self._event(f"NODE_FAILED {name}: {self.last_exit}, {why}", self._tail)
             self._become("failed")
             return None
-        text = f"NODE_EXIT {name}: {self.last_exit}, restart {self.restarts + 1} in {delay:.1f} s"
+        when = f"in {delay:.1f} s" if delay else "at once"
+        text = f"NODE_EXIT {name}: {self.last_exit}, restart {self.restarts + 1} {when}"
         self._event(text, self._tail)
         self._become("waiting")
         return delay
@@ -270,6 +278,19 @@ class Child:
         if self._process is not None:
             self.usage.sample(self._process.pid, now)
             self._process.log.report_dropped()
+
+    def _weigh(self) -> None:
+        """Kill it if it takes more memory than it may; say so when that comes near."""
+        limit, name = self.plan.memory, self.plan.name
+        if limit is None or (rss := resident(self.pid or 0)) <= NEAR * limit:
+            return
+        has = f"{name}: {rss / 1e6:.0f} MB of {limit / 1e6:.0f} allowed"
+        if rss > limit:
+            self._event(f"RSS {has}: killed")
+            self.kill()
+        elif not self._heavy:
+            self._heavy = True
+            self._event(f"RSS_HIGH {has}")
 
     def describe(self, now: float) -> dict[str, object]:
         """Its state as plain values; may be called from any thread."""

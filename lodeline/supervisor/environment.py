@@ -13,6 +13,9 @@ OURS = {
     "PYTHONFAULTHANDLER": "1",  # a stack on the log when the watchdog aborts
     "PYTHONUNBUFFERED": "1",
     "OPENBLAS_NUM_THREADS": "1",
+    # Links that come and go with neighbours are made by threads that come and go: with an arena of
+    # memory for each, what one gave back is not what the next one takes, and the process grows.
+    "MALLOC_ARENA_MAX": "1",
 }
 
 

@@ -15,7 +15,10 @@ from lodeline.supervisor.backoff import BackoffParams
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """One process. `launch` gives LODELINE_LAUNCH for its n-th restart (0: the first start)."""
+    """One process. `launch` gives LODELINE_LAUNCH for its n-th restart (0: the first start).
+
+    With more than `memory` bytes resident it is killed.
+    """
 
     name: str
     host: str
@@ -26,6 +29,7 @@ class Plan:
     required: bool = False
     priority: int | None = None
     cpus: frozenset[int] = frozenset()
+    memory: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +72,7 @@ def _plan(
     host, process = specs[0].host, specs[0].process
     program = (str(specs[0].run),) if len(specs) == 1 else ("-m", "lodeline.process")
     wanted = {spec.restart for spec in specs}
+    limits = [int(spec.rss_mb * 1e6) for spec in specs if spec.rss_mb is not None]
     priorities = [spec.priority for spec in specs if spec.priority is not None]
     return Plan(
         name=process,
@@ -81,6 +86,7 @@ def _plan(
         required=any(spec.required for spec in specs),
         priority=max(priorities, default=None),
         cpus=frozenset(spec.cpu for spec in specs if spec.cpu is not None),
+        memory=max(limits, default=None),
     )
 
 

@@ -43,6 +43,11 @@ nodes:
     inputs: {{wheels: wheels, command: command}}
     outputs: {{back: clumsy}}
     params: {{trips: 10}}
+  sulky:
+    run: {NODES}/sulky.py
+    outputs: {{wheels: sulky}}
+    rate: {{wheels: 100}}
+    restart_on_silence: true
   unfounded: {{run: {NODES}/unfounded.py, inputs: {{wheels: wheels}}}}
 """
 
@@ -95,7 +100,25 @@ def test_a_missing_library_is_named_and_its_node_given_up_while_the_others_go_on
     assert rig.up.says("No module named 'a_library_that_nobody_has'")
     processes = rig.up.ps()
     assert processes["unfounded"]["state"] == "failed"
-    assert {name for name, process in processes.items() if process["restarts"]} == {"unfounded"}
+    restarted = {name for name, process in processes.items() if process["restarts"]}
+    assert restarted - {"sulky"} == {"unfounded"}
+
+
+def test_who_beats_but_sends_nothing_is_started_again_where_the_file_says_so(rig: Rig) -> None:
+    assert eventually(lambda: rig.up.says("GIVING_UP sulky: nothing sent for 5 s"), 20.0)
+    assert eventually(lambda: rig.up.says("NODE_EXIT sulky: exit 70, restart 1"))
+    silent = next(line for line in rig.up.log if "NO_DATA faulty/sulky: nothing for" in line)
+    ended = next(line for line in rig.up.log if "NODE_EXIT sulky" in line)
+    assert 3.0 < clock(ended) - clock(silent) < 7.0
+    restarted = rig.up.ps()["sulky"]["restarts"]
+    assert restarted == 1
+    assert eventually(lambda: rig.status("sulky").rates["faulty/sulky"] > 50.0)
+
+
+def clock(line: str) -> float:
+    """Seconds since midnight at the head of a log line."""
+    hours, minutes, seconds = line.split()[0].split(":")
+    return int(hours) * 3600.0 + int(minutes) * 60.0 + float(seconds)
 
 
 def test_check_names_what_is_not_well_and_exits_with_5_for_a_failed_process(rig: Rig) -> None:
@@ -118,7 +141,7 @@ def test_check_names_what_is_not_well_and_exits_with_5_for_a_failed_process(rig:
 
 def test_check_finds_nothing_wrong_where_all_is_well(tmp_path: Path) -> None:
     file = tmp_path / "well.yaml"
-    well = "mute:", "half:", "clumsy:", "unfounded:"
+    well = "mute:", "half:", "clumsy:", "sulky:", "unfounded:"
     head, *nodes = re.split(r"(?m)^(?=  \w+:)", PIPELINE.partition("nodes:\n")[2])
     kept = [node for node in (head, *nodes) if not node.strip().startswith(well)]
     file.write_text(PIPELINE.partition("nodes:\n")[0] + "nodes:\n" + "".join(kept))

@@ -68,6 +68,15 @@ def flood() -> None:
     tell("flood over")
 
 
+def leak() -> None:
+    """Take two megabytes more every twentieth of a second, and beat."""
+    kept = []
+    while True:
+        speak("WATCHDOG=1")
+        kept.append(b"x" * 2_000_000)
+        time.sleep(0.05)
+
+
 def serve() -> None:
     """Beat until told to stop."""
     while True:
@@ -88,6 +97,8 @@ def act(order: str) -> None:
         beat_through_a_child()
     elif MODE == "flood":
         flood()
+    elif MODE == "leak":
+        leak()
     elif MODE == "done":
         sys.exit(0)
     elif MODE == "flood-and-die":

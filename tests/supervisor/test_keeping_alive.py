@@ -157,3 +157,15 @@ def test_nodes_outlive_a_pause(supervise: Start, who: str) -> None:
 def test_nodes_see_no_more_of_the_environment_than_they_need(supervise: Start) -> None:
     up = supervise(("imu", "good"))
     assert up.wait("imu", r"launch #0 secret (\w+)")[1] == "unseen"
+
+
+def test_a_leaking_process_is_warned_of_then_killed_before_it_takes_a_fifth_more(
+    supervise: Start,
+) -> None:
+    up = supervise(("plot", "leak", {"memory": 60_000_000}), ("sink", "good"))
+    up.wait("lodeline", r"RSS_HIGH plot: (4[89]|5\d) MB of 60 allowed")
+    killed = up.wait("lodeline", r"RSS plot: (\d+) MB of 60 allowed: killed")
+    assert 60 <= int(killed[1]) < 72
+    up.wait("lodeline", "NODE_EXIT plot: SIGKILL, restart 1")
+    up.wait("plot", "order go", 2)
+    assert up.starts("sink") == 1
