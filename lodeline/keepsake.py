@@ -8,9 +8,10 @@ from __future__ import annotations
 import sys
 import zlib
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
 
 import msgpack
 
@@ -47,8 +48,7 @@ class Keepsake:
             return None
         try:
             values, marks = _checked(self._file.read_bytes())
-            state = kind(**{item.name: values[item.name] for item in fields(kind)})
-            self._node.resume(state)
+            self._node.resume(rebuilt(values, kind))
         except (OSError, ValueError, KeyError, TypeError) as error:
             text = f"STATE_LOST {self._node.context.name}: {error}; starting afresh"
             print(text, file=sys.stderr, flush=True)
@@ -58,6 +58,25 @@ class Keepsake:
     def forget(self) -> None:
         """The successor is to start afresh: this state may be what is wrong."""
         self._file.unlink(missing_ok=True)
+
+
+def rebuilt(value: Any, hint: Any) -> Any:
+    """A value that was taken apart to maps and arrays, in the dataclasses and named tuples of
+    `hint` again. KeyError, TypeError or ValueError if it has not their shape.
+    """
+    if get_origin(hint) is UnionType:
+        kinds = [kind for kind in get_args(hint) if kind is not type(None)]
+        return None if value is None else rebuilt(value, kinds[0])
+    if get_origin(hint) is tuple and get_args(hint)[1:] == (Ellipsis,):
+        return tuple([rebuilt(part, get_args(hint)[0]) for part in value])
+    if is_dataclass(hint):
+        hints = get_type_hints(hint)
+        names = [item.name for item in fields(hint)]
+        return hint(**{name: rebuilt(value[name], hints[name]) for name in names})  # type: ignore[operator]
+    if hasattr(hint, "_fields"):
+        pairs = zip(value, get_type_hints(hint).values(), strict=True)
+        return hint(*(rebuilt(part, kind) for part, kind in pairs))
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _checked(data: bytes) -> tuple[dict[str, Any], dict[str, int]]:

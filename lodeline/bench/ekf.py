@@ -18,7 +18,8 @@ from typing import Any, Literal
 from lodeline.bench.scenes.rides import SIGMA, mean_nees, ride, wheels_with
 from lodeline.ekf import LocalizerParams
 from lodeline.ekf.belief import certain
-from lodeline.ekf.engine import Detection, Engine, Noise, make_engine
+from lodeline.ekf.engine import Detection, Engine, Noise
+from lodeline.ekf.engines import make_engine
 from lodeline.ekf.motion import Delta
 from lodeline.tables import table
 

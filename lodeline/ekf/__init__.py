@@ -1,9 +1,22 @@
-"""EKF localisation over a lattice of magnets: odometry predicts, a reed bar corrects."""
+"""EKF localisation: odometry predicts; magnets, landmarks and an IMU correct.
+
+`Localizer` is the face to the outside. A sample that it lets in goes into the `history`, which
+replays in the order of stamps; each step is one of the `tracker`, from `track` to `track`:
+
+* motion: `mover` predicts along the odometry, with the gyro (`turning`, `agreement`);
+* measurement: `bar` (what `reeds` tell), `inertial`, `landmarks`;
+* association: which magnet a sight belongs to; the `mixture` while that is not clear;
+* history: late samples are put in their place.
+
+The equations stand in the engines; `belief` is what they work on.
+"""
 
 from lodeline.ekf.belief import Belief
-from lodeline.ekf.landmarks import Fix, Sighting
-from lodeline.ekf.localizer import Estimate, Localizer, LocalizerState
+from lodeline.ekf.estimate import Estimate
+from lodeline.ekf.localizer import Localizer
 from lodeline.ekf.params import LocalizerParams
+from lodeline.ekf.samples import Fix, Sighting
+from lodeline.ekf.state import LocalizerState
 
 __all__ = [
     "Belief",

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from lodeline.ekf.belief import Belief
 from lodeline.ekf.engine import Detection, Engine, Innovation
 from lodeline.ekf.mixture import MOST, Hypothesis, Mixture, reduced
-from lodeline.ekf.sightings import Sight
+from lodeline.ekf.reeds import Sight
 from lodeline.magnets.lattice import Lattice
 
 STRAY = 0.01  # share of sights that come from no magnet of the lattice

@@ -67,14 +67,3 @@ class Engine(Protocol):
 
 
 EngineName = Literal["scalar", "filterpy"]
-
-
-def make_engine(name: EngineName) -> Engine:
-    """The engine of that name; filterpy (and numpy, scipy) is imported only when asked for."""
-    if name == "filterpy":
-        from lodeline.ekf.filterpy_engine import FilterpyEngine
-
-        return FilterpyEngine()
-    from lodeline.ekf.scalar_engine import ScalarEngine
-
-    return ScalarEngine()

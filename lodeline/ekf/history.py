@@ -9,51 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Literal, NamedTuple, TypeVar
 
-from lodeline.ekf.landmarks import Landmark
+from lodeline.ekf.samples import Hits, Landmarks, Motion, Sample, Spin
 
 B = TypeVar("B")
 
 
-class Motion(NamedTuple):
-    """An odometry sample: pose in `odom` [m, rad] and covariance of the twist over `interval`."""
-
-    stamp_ns: int
-    x: float
-    y: float
-    yaw: float
-    twist_covariance: tuple[float, float, float, float]
-    interval: float
-    resets: int
-
-
-class Hits(NamedTuple):
-    """A reading of the reed bar: lateral offsets of the magnets under it [m], maybe none."""
-
-    stamp_ns: int
-    laterals: tuple[float, ...]
-
-
-class Spin(NamedTuple):
-    """What the IMU says: rate of turn [rad/s], heading and its sigma [rad], tilt [rad].
-
-    `heading_sigma` infinite: there is no north to believe.
-    """
-
-    stamp_ns: int
-    rate: float
-    heading: float
-    heading_sigma: float
-    tilt: float
-
-
-class Landmarks(NamedTuple):
-    """Landmarks measured at one moment."""
-
-    stamp_ns: int
-    seen: tuple[Landmark, ...]
-
-
-Sample = Motion | Hits | Spin | Landmarks
 KINDS = (Motion, Hits, Spin, Landmarks)  # in the order that they take at one stamp
 
 

@@ -5,40 +5,21 @@ either engine, after one gate for them all.
 """
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 from lodeline.ekf.belief import Belief
 from lodeline.ekf.engine import Engine, Row
+from lodeline.ekf.mixture import Hypothesis, reduced
+from lodeline.ekf.samples import Fix, Landmark
+from lodeline.ekf.track import Track
+from lodeline.ekf.trust import RECENT
 from lodeline.rotation import wrap_angle
 
 GATES = {1: 10.83, 2: 13.82}  # chi-square, 99.9 %, by degrees of freedom
 NEAREST = 0.05  # m: from closer a landmark has no bearing to speak of
 STRAY = 1e-3  # likelihood of a sighting of something else, in the same units
-
-
-class Sighting(NamedTuple):
-    """A landmark at (`x`, `y`) [m] of the map, seen from `base_link`: `range` [m], `bearing` [rad].
-
-    Either may be None; left is positive. Sigmas are standard deviations in the same units.
-    """
-
-    x: float
-    y: float
-    range: float | None
-    range_sigma: float
-    bearing: float | None = None
-    bearing_sigma: float = 1.0
-
-
-class Fix(NamedTuple):
-    """A measured position of `base_link` in the map, with its standard deviation per axis [m]."""
-
-    x: float
-    y: float
-    sigma: float
-
-
-Landmark = Sighting | Fix
+MISSED_SIGMA = (0.3, 0.1)  # m, rad: more doubt after eight landmarks in a row that did not fit
 
 
 class Number(NamedTuple):
@@ -47,6 +28,27 @@ class Number(NamedTuple):
     row: Row
     residual: float
     variance: float
+
+
+def sighted(engine: Engine, track: Track, landmark: Landmark) -> Track:
+    """After one landmark: it weighs the hypotheses and corrects those that it fits."""
+    children, fits, nis = [], False, math.inf
+    for weight, belief in track.mixture:
+        seen = numbers(belief, landmark)
+        distance, likely = weighed(belief, seen)
+        nis = min(nis, distance)
+        if distance > GATES[len(seen)]:
+            children.append(Hypothesis(STRAY * weight, belief))
+            continue
+        fits = True
+        after = corrected(engine, belief, seen)
+        children.append(Hypothesis(weight * max(likely, STRAY), after))
+    trust = track.trust.after_landmark(nis, rejected=not fits)
+    if fits:
+        return replace(track, mixture=reduced(children), trust=trust)
+    if trust.streak > -RECENT:
+        return replace(track, trust=trust)
+    return replace(track, trust=replace(trust, streak=0)).widened(*MISSED_SIGMA)
 
 
 def numbers(belief: Belief, landmark: Landmark) -> list[Number]:

@@ -1,6 +1,7 @@
 """Planar motions: the relative pose between two odometry poses, and parts of it."""
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from lodeline.rotation import wrap_angle
@@ -12,6 +13,18 @@ class Delta(NamedTuple):
     ahead: float
     left: float
     turn: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How fast the robot went last [m/s, rad/s].
+
+    `unmeasured`: it is in the midst of a way that nobody measures.
+    """
+
+    v: float = 0.0
+    w: float = 0.0
+    unmeasured: bool = False
 
 
 def relative(x0: float, y0: float, yaw0: float, x1: float, y1: float, yaw1: float) -> Delta:
@@ -39,6 +52,12 @@ def part(delta: Delta, begin: float, end: float) -> Delta:
     sine, versine = math.sin(share) / turn, _versine(share) / turn
     # the twist is the same in every body frame along the way: no rotation to `begin` is needed
     return Delta(sine * v_ahead - versine * v_left, versine * v_ahead + sine * v_left, share)
+
+
+def arc(way: float, turn: float) -> Delta:
+    """The motion of `way` [m] along an arc that turns by `turn` [rad]."""
+    chord = way * (math.sin(0.5 * turn) / (0.5 * turn) if abs(turn) > 1e-9 else 1.0)
+    return Delta(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), turn)
 
 
 def _versine(angle: float) -> float:

@@ -1,33 +1,42 @@
-"""The turn of a step from wheels and gyro together, and whether the two agree.
-
-Wheels that slip, an encoder that stopped and a track that is not the true one all show as a turn
-that the gyro does not see. The difference is summed with a memory of `MEMORY` and compared with
-what noise may make of it.
-"""
+"""The turn of a step by gyro and wheels together."""
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass, field, replace
 
+from lodeline.ekf.agreement import Agreement
 from lodeline.ekf.engine import Noise
 from lodeline.ekf.motion import Delta
 
-MEMORY = 2.0  # s
-ALARM, CALM = 4.0, 2.0  # sigmas of the summed difference at which wheels are doubted, and no more
-SLIP_TIME = 2.0  # s: for about so long a slip goes on as it is
-RATE_LIFE = 0.1  # s: after it a reading of the gyro is no reading of the present
+RATE_LIFE_NS = 100_000_000  # after it a reading of the gyro is no reading of the present
+SWING, SPIKE = 100.0, 0.5  # rad/s^2 and rad/s: no robot changes its turn faster than by this
 
 
-class Agreement(NamedTuple):
-    """Summed gyro turn minus wheel turn [rad], its variance [rad^2], and the verdict on it."""
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """The last believed reading of the gyro [rad/s] and its stamp (None: there was none).
 
-    difference: float = 0.0
-    variance: float = 0.0
-    doubted: bool = False
+    `spiked`: the one after it was not believed.
+    """
 
-    @property
-    def sigmas(self) -> float:
-        """How many standard deviations wheels and gyro are apart."""
-        return abs(self.difference) / math.sqrt(self.variance) if self.variance > 0.0 else 0.0
+    rate: float = 0.0
+    stamp_ns: int | None = None
+    spiked: bool = False
+    agreement: Agreement = field(default_factory=Agreement)
+
+    def after(self, rate: float, stamp_ns: int) -> "Turning":
+        """With one reading more, which is taken unless it is a lone spike."""
+        if self.stamp_ns is not None and not self.spiked:
+            age_ns = stamp_ns - self.stamp_ns
+            jump = abs(rate - self.rate)
+            if age_ns <= RATE_LIFE_NS and jump > max(SPIKE, SWING * 1e-9 * age_ns):
+                return replace(self, stamp_ns=stamp_ns, spiked=True)
+        return Turning(rate, stamp_ns, spiked=False, agreement=self.agreement)
+
+    def over(self, begin_ns: float, seconds: float) -> float | None:
+        """The turn [rad] in the `seconds` from `begin_ns` on; None if nobody measured it."""
+        if self.stamp_ns is None or begin_ns - self.stamp_ns > RATE_LIFE_NS:
+            return None
+        return self.rate * seconds
 
 
 def fused(delta: Delta, noise: Noise, turn: float, variance: float) -> tuple[Delta, Noise]:
@@ -52,22 +61,3 @@ def fused(delta: Delta, noise: Noise, turn: float, variance: float) -> tuple[Del
             tt=noise.tt - k_t * noise.tt,
         ),
     )
-
-
-def compared(agreement: Agreement, off: float, variance: float, seconds: float) -> Agreement:
-    """After a step over which gyro and wheels differ by `off`, with the variance of that."""
-    keep = math.exp(-seconds / MEMORY)
-    difference = keep * agreement.difference + off
-    total = keep * keep * agreement.variance + variance
-    limit = CALM if agreement.doubted else ALARM
-    return Agreement(difference, total, difference * difference > limit * limit * total)
-
-
-def doubting(noise: Noise, off: float, agreement: Agreement, seconds: float, track: float) -> Noise:
-    """Noise of wheels that are doubted: what the gyro says they are wrong by, as it goes on.
-
-    One wheel that is wrong by e turns the robot by e / track and moves it by e / 2.
-    """
-    wrong = max(abs(off), abs(agreement.difference) * seconds / MEMORY)
-    more = wrong * wrong * max(1.0, 2.0 * SLIP_TIME / seconds)
-    return noise._replace(ss=noise.ss + 0.25 * track * track * more, tt=noise.tt + more)

@@ -11,6 +11,7 @@ from lodeline.bench.scenes.drive import Drive
 from lodeline.bench.scenes.rides import SIGMA, ride, wheels_with
 from lodeline.ekf import Belief, Estimate, Localizer, LocalizerParams, LocalizerState
 from lodeline.ekf.mixture import MOST, Hypothesis, certainty, reduced, spread
+from lodeline.keepsake import rebuilt
 from lodeline.odometry import Odometry, OdometryParams
 
 MS = 1_000_000
@@ -161,37 +162,38 @@ def torn_apart() -> Localizer:
 
 def test_a_magnet_that_may_be_many_makes_one_hypothesis_for_each() -> None:
     localizer = torn_apart()
-    state, estimate = localizer.state, localizer.estimate
+    (leading, *others), estimate = localizer.state.track.mixture, localizer.estimate
     assert estimate is not None
     assert estimate.ambiguous
     assert 0.3 < estimate.certainty < 0.9
-    places = sorted((round(x / PITCH), round(y / PITCH)) for _, x, y, *_ in state.others)
+    places = sorted((round(x / PITCH), round(y / PITCH)) for _, (x, y, *_) in others)
     for neighbour in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         assert neighbour in places
-    assert sum(weight for weight, *_ in state.others) + state.weight == pytest.approx(1.0)
+    assert sum(weight for weight, _ in others) + leading.weight == pytest.approx(1.0)
     # the ellipse that is told covers the neighbours, not only the leading hypothesis
-    assert estimate.covariance[0] > 10 * state.covariance[0]
+    assert estimate.covariance[0] > 10 * leading.belief.p00
     assert math.sqrt(estimate.covariance[0]) > 0.02
 
 
 def test_a_mixture_outlives_a_restart() -> None:
     whole, first = torn_apart(), torn_apart()
-    saved = LocalizerState(**json.loads(json.dumps(dataclasses.asdict(first.state))))
+    saved = rebuilt(json.loads(json.dumps(dataclasses.asdict(first.state))), LocalizerState)
     second = Localizer(LocalizerParams())
     second.resume(saved)
     for i in range(1, 40):
         for localizer in (whole, second):
             localizer.odometry(i * 50 * MS, i * 0.004, 0.0, 0.0, STILL, 0.05, 0)
             localizer.magnets(i * 50 * MS, (0.0,) if i % 14 < 4 else ())
-    assert len(whole.state.others) > 2
+    assert len(whole.state.track.mixture) > 3
     assert second.state == whole.state
 
 
 def test_a_saved_hypothesis_that_is_broken_is_refused() -> None:
     state = torn_apart().state
-    broken = (float("nan"), *state.others[0][1:])
+    leading, other, *_ = state.track.mixture
+    broken = dataclasses.replace(state.track, mixture=(leading, other._replace(weight=math.nan)))
     with pytest.raises(ValueError, match="not finite"):
-        Localizer(LocalizerParams()).resume(dataclasses.replace(state, others=(broken,)))
+        Localizer(LocalizerParams()).resume(dataclasses.replace(state, track=broken))
 
 
 def at(x: float, weight: float = 1.0, sigma: float = 0.003) -> Hypothesis:

@@ -94,7 +94,7 @@ def test_two_reeds_far_apart_are_two_magnets_and_all_closed_is_one_place() -> No
     localizer = Localizer(PARAMS)
     localizer.odometry(0, 0.0, 0.0, 0.0, NOISE, 0.05, 0)
     assert localizer.magnets(0, (-0.03, 0.025)) is not None
-    assert len(localizer.state.contacts) == 2
+    assert len(localizer.state.track.bar.contacts) == 2
 
 
 def test_of_random_kidnaps_two_in_three_are_noticed_by_the_magnets_and_never_forgotten() -> None:

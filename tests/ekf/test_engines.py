@@ -13,7 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from lodeline.ekf.belief import Belief, certain
-from lodeline.ekf.engine import Detection, Noise, make_engine
+from lodeline.ekf.engine import Detection, Noise
+from lodeline.ekf.engines import make_engine
 from lodeline.ekf.motion import Delta, part, relative
 from lodeline.ekf.scalar_engine import ScalarEngine
 

@@ -8,7 +8,8 @@ import pytest
 from lodeline.ekf import Belief, Estimate, Fix, Localizer, LocalizerParams, Sighting
 from lodeline.ekf.belief import certain
 from lodeline.ekf.engine import EngineName
-from lodeline.ekf.landmarks import Landmark, numbers, weighed
+from lodeline.ekf.landmarks import numbers, weighed
+from lodeline.ekf.samples import Landmark
 
 MS = 1_000_000
 NOISE = (1e-3, 0.0, 0.0, 1e-2)

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lodeline.ekf import Estimate, Localizer, LocalizerParams, LocalizerState
+from lodeline.keepsake import rebuilt
 
 MS = 1_000_000
 NOISE = (1e-4, 0.0, 0.0, 1e-3)
@@ -242,7 +243,7 @@ def test_a_restored_localizer_goes_on_as_if_nothing_had_been() -> None:
         if i < 30:
             sample(first, i)
     # through JSON and back: lists for tuples
-    saved = LocalizerState(**json.loads(json.dumps(dataclasses.asdict(first.state))))
+    saved = rebuilt(json.loads(json.dumps(dataclasses.asdict(first.state))), LocalizerState)
     second = Localizer(LocalizerParams())
     second.resume(saved)
     for i in range(30, 60):
@@ -258,7 +259,9 @@ def test_a_restored_localizer_may_be_less_sure() -> None:
 
 
 def test_a_saved_state_that_is_broken_is_refused() -> None:
-    broken = dataclasses.replace(started().state, x=float("nan"))
+    state = started().state
+    track = state.track.each(lambda belief: belief._replace(x=float("nan")))
+    broken = dataclasses.replace(state, track=track)
     with pytest.raises(ValueError, match="not finite"):
         Localizer(LocalizerParams()).resume(broken)
 

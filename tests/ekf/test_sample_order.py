@@ -1,6 +1,8 @@
 """Claims about the history: any order of arrival gives the same state, and nothing is kept long."""
 
 import math
+from collections.abc import Iterator
+from dataclasses import asdict
 from random import Random
 
 import pytest
@@ -49,16 +51,21 @@ def feed(localizer: Localizer, sample: Sample) -> bool:
 
 
 def numbers(localizer: Localizer) -> list[float]:
-    state = localizer.state
+    """All that a localiser remembers and says."""
+
+    def flat(value: object) -> Iterator[float]:
+        if isinstance(value, dict | list | tuple):
+            for part in value.values() if isinstance(value, dict) else value:
+                yield from flat(part)
+        elif value is not None:
+            assert isinstance(value, int | float)
+            yield value * 1e-9 if abs(value) > 1e9 else value  # stamps in s
+
     estimate = localizer.estimate
     assert estimate is not None
-    return [
-        *(state.x, state.y, state.yaw, *state.covariance, state.way, state.step),
-        *(state.nis, state.rejected, state.recent, state.stamp_ns * 1e-9),
-        *(value for contact in state.contacts for value in contact),
-        *(state.v, state.w, state.weight),
-        *(value for other in state.others for value in other),
-    ]
+    state = asdict(localizer.state)
+    del state["unused"]
+    return [*flat(state), *flat(asdict(estimate))]
 
 
 def once_each(samples: list[Sample]) -> list[Sample]:

@@ -7,7 +7,8 @@ import pytest
 
 from lodeline.bench.scenes.drive import Drive
 from lodeline.ekf import Belief, Estimate, Localizer, LocalizerParams
-from lodeline.ekf.engine import Noise, make_engine
+from lodeline.ekf.engine import Noise
+from lodeline.ekf.engines import make_engine
 from lodeline.ekf.motion import Delta
 from lodeline.ekf.turning import fused
 from lodeline.odometry import Odometry, OdometryParams

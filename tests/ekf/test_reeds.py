@@ -2,14 +2,7 @@
 
 import pytest
 
-from lodeline.ekf.sightings import (
-    UNKNOWN_WAY,
-    Contact,
-    ReedModel,
-    Sight,
-    edge_sights,
-    plain_sights,
-)
+from lodeline.ekf.reeds import BarMemory, Contact, ReedModel, Sight, edge_sights, plain_sights
 
 REEDS = ReedModel(passage=0.016, edge_sigma=0.001, lateral_sigma=0.003)
 
@@ -18,15 +11,14 @@ def passage(
     start: float, step: float, readings: int, sideways: float = 0.0
 ) -> list[tuple[float, list[Sight]]]:
     """The bar drives over a magnet at 0: (true place of the magnet ahead of it, sights) each."""
-    contacts: tuple[Contact, ...] = ()
-    way, moved, bar = UNKNOWN_WAY, 0.0, start
+    memory, bar = BarMemory(), start
     seen = []
     for _ in range(readings):
         closed = (0.005,) if abs(bar) <= 0.008 else ()
-        sights, contacts = edge_sights(REEDS, contacts, closed, way, moved)
+        sights, contacts = edge_sights(REEDS, memory, closed)
         seen.append((-bar, sights))
         bar += step
-        way, moved = abs(step) + sideways, step
+        memory = BarMemory(contacts, abs(step) + sideways, step)
     return seen
 
 
@@ -58,20 +50,20 @@ def test_a_passage_is_worth_the_same_however_many_readings_it_has() -> None:
 
 
 def test_steps_longer_than_the_passage_make_the_plain_model() -> None:
-    sights, _ = edge_sights(REEDS, (), (0.005,), 0.02, 0.02)
+    sights, _ = edge_sights(REEDS, BarMemory((), 0.02, 0.02), (0.005,))
     assert sights == plain_sights(REEDS, (0.005,))
 
 
 def test_the_first_reading_knows_no_way() -> None:
-    sights, _ = edge_sights(REEDS, (), (0.005,), UNKNOWN_WAY, 0.0)
+    sights, _ = edge_sights(REEDS, BarMemory(), (0.005,))
     assert sights == plain_sights(REEDS, (0.005,))
 
 
 def test_a_parked_robot_learns_nothing_from_the_same_magnet() -> None:
     contacts: tuple[Contact, ...] = ()
-    _, contacts = edge_sights(REEDS, contacts, (0.0,), 0.003, 0.003)
+    _, contacts = edge_sights(REEDS, BarMemory(contacts, 0.003, 0.003), (0.0,))
     for _ in range(10):
-        sights, contacts = edge_sights(REEDS, contacts, (0.0,), 0.0, 0.0)
+        sights, contacts = edge_sights(REEDS, BarMemory(contacts, 0.0, 0.0), (0.0,))
         assert sights[0].ahead_variance > 0.1  # m^2
 
 
@@ -79,10 +71,10 @@ def test_a_reed_that_flickers_at_the_edge_is_not_a_second_passage() -> None:
     """Open for one reading at the far end: the magnet is not taken to come up again ahead."""
     contacts: tuple[Contact, ...] = ()
     for _ in range(5):
-        _, contacts = edge_sights(REEDS, contacts, (0.0,), 0.003, 0.003)
-    far_end, contacts = edge_sights(REEDS, contacts, (), 0.003, 0.003)
+        _, contacts = edge_sights(REEDS, BarMemory(contacts, 0.003, 0.003), (0.0,))
+    far_end, contacts = edge_sights(REEDS, BarMemory(contacts, 0.003, 0.003), ())
     assert far_end[0].offset < -0.008
-    again, contacts = edge_sights(REEDS, contacts, (0.0,), 0.001, 0.001)
+    again, contacts = edge_sights(REEDS, BarMemory(contacts, 0.001, 0.001), (0.0,))
     assert again[0].offset == 0.0
     assert again[0].ahead_variance > plain_sights(REEDS, (0.0,))[0].ahead_variance
 
@@ -90,20 +82,20 @@ def test_a_reed_that_flickers_at_the_edge_is_not_a_second_passage() -> None:
 def test_a_robot_that_backs_out_has_not_passed() -> None:
     contacts: tuple[Contact, ...] = ()
     for step in (0.003, 0.002, -0.002):
-        _, contacts = edge_sights(REEDS, contacts, (0.0,), abs(step), step)
-    sights, _ = edge_sights(REEDS, contacts, (), 0.003, -0.003)
+        _, contacts = edge_sights(REEDS, BarMemory(contacts, abs(step), step), (0.0,))
+    sights, _ = edge_sights(REEDS, BarMemory(contacts, 0.003, -0.003), ())
     assert sights == []
 
 
 def test_turning_on_the_spot_has_no_near_end() -> None:
-    sights, _ = edge_sights(REEDS, (), (0.0,), 0.005, 0.001)
+    sights, _ = edge_sights(REEDS, BarMemory((), 0.005, 0.001), (0.0,))
     assert sights[0].offset == 0.0
 
 
 def test_two_magnets_are_followed_at_once() -> None:
     contacts: tuple[Contact, ...] = ()
-    first, contacts = edge_sights(REEDS, contacts, (-0.03,), 0.004, 0.004)
-    both, contacts = edge_sights(REEDS, contacts, (-0.03, 0.025), 0.004, 0.004)
+    first, contacts = edge_sights(REEDS, BarMemory(contacts, 0.004, 0.004), (-0.03,))
+    both, contacts = edge_sights(REEDS, BarMemory(contacts, 0.004, 0.004), (-0.03, 0.025))
     assert first[0].offset == pytest.approx(0.006)
     assert [sight.offset for sight in both] == pytest.approx([0.0, 0.006])
     assert len(contacts) == 2
@@ -113,8 +105,8 @@ def test_a_reed_that_sticks_is_not_believed_for_longer_than_a_passage() -> None:
     contacts: tuple[Contact, ...] = ()
     believed = 0.0
     for _ in range(100):
-        sights, contacts = edge_sights(REEDS, contacts, (0.02,), 0.004, 0.004)
+        sights, contacts = edge_sights(REEDS, BarMemory(contacts, 0.004, 0.004), (0.02,))
         believed += 0.004 if sights else 0.0
     assert believed == pytest.approx(1.2 * 0.016, abs=0.0041)
-    sights, contacts = edge_sights(REEDS, contacts, (), 0.004, 0.004)
+    sights, contacts = edge_sights(REEDS, BarMemory(contacts, 0.004, 0.004), ())
     assert sights == []

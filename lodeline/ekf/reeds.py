@@ -11,6 +11,7 @@ Where a sight has to tell one magnet from the next (`sharp`), shares are too fai
 first reading of a magnet is then worth the passage as a whole, and the others of it nothing.
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 UNKNOWN_WAY = 1e3  # m: the bar may have come from anywhere
@@ -45,6 +46,22 @@ class Contact(NamedTuple):
         return Contact(self.lateral, self.since_first + step, self.since_last + way, self.told)
 
 
+@dataclass(frozen=True, slots=True)
+class BarMemory:
+    """The magnets met lately, and what the bar moved since it was read last.
+
+    `way` [m] in any direction, `step` the part of it along x, signed.
+    """
+
+    contacts: tuple[Contact, ...] = ()
+    way: float = UNKNOWN_WAY
+    step: float = 0.0
+
+    def moved(self, way: float, step: float) -> "BarMemory":
+        """After the bar moved by `way` [m], of which `step` along x."""
+        return BarMemory(self.contacts, self.way + way, self.step + step)
+
+
 class ReedModel(NamedTuple):
     """Length of the passage, scatter of its two ends, and scatter across [m]."""
 
@@ -65,19 +82,13 @@ def plain_sights(model: ReedModel, laterals: tuple[float, ...]) -> list[Sight]:
 
 
 def edge_sights(
-    model: ReedModel,
-    contacts: tuple[Contact, ...],
-    laterals: tuple[float, ...],
-    way: float,
-    step: float,
-    *,
-    sharp: bool = False,
+    model: ReedModel, memory: BarMemory, laterals: tuple[float, ...], *, sharp: bool = False
 ) -> tuple[list[Sight], tuple[Contact, ...]]:
     """Sights of a reading, and the contacts to remember for the next.
 
-    `way` is what the bar moved since the reading before [m], `step` the part along its x axis,
-    signed; `contacts` are those of the reading before, not yet moved.
+    The contacts in `memory` are those of the reading before, not yet moved.
     """
+    contacts, way, step = memory.contacts, memory.way, memory.step
     half, straight = 0.5 * model.passage, abs(step) >= STRAIGHT * way > 0.0
     share = min(1.0, max(way, NOTHING) / model.passage)
     sights: list[Sight] = []

@@ -1,0 +1,67 @@
+"""What a reading of the reed bar does to the track: sights, their association, the verdict."""
+
+from dataclasses import replace
+
+from lodeline.ekf.association import Association
+from lodeline.ekf.mixture import Hypothesis
+from lodeline.ekf.params import LocalizerParams
+from lodeline.ekf.reeds import BarMemory, Contact, ReedModel, Sight, edge_sights, plain_sights
+from lodeline.ekf.samples import Hits
+from lodeline.ekf.track import Track
+
+STUCK_PITCHES = 3.0  # a reed that stays closed over so much of the lattice is stuck
+
+
+class Bar:
+    """Pure steps from track to track, one for each reading of the bar."""
+
+    def __init__(self, association: Association, params: LocalizerParams) -> None:
+        self._association, self._params = association, params
+        self._reeds = ReedModel(params.passage, params.edge_sigma, params.lateral_sigma)
+
+    def read(self, track: Track, hits: Hits) -> Track:
+        """After a reading: each sight is gated, then corrects the belief."""
+        if track.pace.unmeasured:  # the magnet of before or the next? when the gap is over it tells
+            return track
+        contacts: tuple[Contact, ...] = ()
+        sights = plain_sights(self._reeds, hits.laterals) if hits.laterals else []
+        torn = track.torn or (
+            self._params.association == "mixture"
+            and self._association.is_torn(track.belief, sights)
+        )
+        if self._params.magnet_model == "edges":
+            sights, contacts = edge_sights(self._reeds, track.bar, hits.laterals, sharp=torn)
+        alarms = track.trust.alarms
+        for sight in sights:
+            track = self._seen(track, sight, torn=torn)
+        if track.trust.alarms != alarms:
+            contacts = ()  # which magnets these were is open again
+        return replace(track, bar=BarMemory(contacts, way=0.0))
+
+    def has_stuck_reed(self, track: Track) -> bool:
+        """True while a reed stays closed farther than any magnet holds it."""
+        limit = STUCK_PITCHES * self._params.lattice_pitch
+        return any(
+            each.since_last == 0.0 and abs(each.since_first) > limit for each in track.bar.contacts
+        )
+
+    def _seen(self, track: Track, sight: Sight, *, torn: bool) -> Track:
+        if not torn:
+            # a reed that opens tells nothing across, but which magnet it was must be clear there
+            nominal = self._reeds.sight(sight.lateral, sight.offset, sight.offset)
+            if not sight.fresh and self._association.is_torn(track.belief, (nominal,)):
+                return track
+            belief, nis, passed = self._association.single(track.belief, sight)
+            track = replace(track, mixture=(Hypothesis(track.mixture[0].weight, belief),))
+            return self._judged(track, nis, rejected=not passed)
+        mixture, distance, rejected = self._association.branch(track.mixture, sight)
+        if distance is None:
+            return track
+        return self._judged(replace(track, mixture=mixture), distance, rejected=rejected)
+
+    def _judged(self, track: Track, nis: float, *, rejected: bool) -> Track:
+        """Counts a verdict; too many rejections among the last mean that the pose is wrong."""
+        track = replace(track, trust=track.trust.after_sight(nis, rejected=rejected))
+        if track.trust.refusals < self._params.widen_after:
+            return track
+        return track.alarmed(*self._params.widen_sigma)

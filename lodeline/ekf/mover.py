@@ -1,0 +1,100 @@
+"""What a motion does to the track: the prediction of the EKF, by wheels and gyro together."""
+
+import math
+from dataclasses import replace
+
+from lodeline.ekf.agreement import doubting
+from lodeline.ekf.engine import Engine, Noise
+from lodeline.ekf.motion import Delta, Pace, arc, part, relative
+from lodeline.ekf.params import LocalizerParams
+from lodeline.ekf.reeds import BarMemory
+from lodeline.ekf.samples import Motion
+from lodeline.ekf.track import Track
+from lodeline.ekf.turning import fused
+
+COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as it went
+
+
+class Mover:
+    """Pure steps from track to track along the odometry."""
+
+    def __init__(self, engine: Engine, params: LocalizerParams) -> None:
+        self._engine, self._params = engine, params
+
+    def advance(
+        self, track: Track, before: Motion, after: Motion, begin: float, end: float
+    ) -> Track:
+        """After the part from `begin` to `end` (fractions) of the motion between two samples."""
+        params, share = self._params, end - begin
+        gap_ns = after.stamp_ns - before.stamp_ns
+        seconds = gap_ns * 1e-9
+        delta = relative(before.x, before.y, before.yaw, after.x, after.y, after.yaw)
+        gyro = track.turning.over(before.stamp_ns + begin * gap_ns, seconds * share)
+        if after.resets != before.resets or (
+            math.hypot(delta.ahead, delta.left) > params.max_speed * seconds
+        ):
+            track = self.lost(track, seconds * share, share, gyro)
+            return replace(track, pace=replace(track.pace, unmeasured=end < 1.0))
+        pace = Pace(delta.ahead / seconds, delta.turn / seconds)
+        if share < 1.0:
+            delta = part(delta, begin, end)
+        noise = self._noise(after, seconds * share)
+        if gyro is not None:
+            track, delta, noise = self._with_gyro(track, delta, noise, gyro, seconds * share)
+        way = math.hypot(delta.ahead, delta.left + params.bar_x * delta.turn)
+        bar = track.bar.moved(way, delta.ahead)
+        return replace(self._moved(track, delta, noise), bar=bar, pace=pace)
+
+    def lost(
+        self,
+        track: Track,
+        seconds: float = 0.0,
+        share: float = 1.0,
+        gyro: float | None = None,
+    ) -> Track:
+        """After `seconds` in which nobody measured where the robot went, or a `share` of a gap.
+
+        It is taken to have gone on as it went; that it stopped at once is one sigma off. `gyro`
+        is the turn that the gyro saw [rad].
+        """
+        position, heading = self._params.reset_sigma
+        reach = min(seconds, COAST * share)
+        # of a gap in several parts each brings its share of the variance of the whole
+        along, turn = track.pace.v * seconds, track.pace.w * seconds
+        tt, doubt = turn * turn / share, share * heading * heading
+        if gyro is None:
+            delta = arc(track.pace.v * reach, track.pace.w * reach)
+        else:
+            delta = arc(track.pace.v * reach, gyro)
+            tt, doubt = self._gyro_variance(seconds), 0.0
+        noise = Noise(along * along / share, 0.0, tt, share * position * position, doubt)
+        return replace(self._moved(track, delta, noise), bar=BarMemory())
+
+    def _with_gyro(
+        self, track: Track, delta: Delta, noise: Noise, turn: float, seconds: float
+    ) -> tuple[Track, Delta, Noise]:
+        """The step as wheels and gyro see it together; where they differ too much, the gyro."""
+        turning, variance = track.turning, self._gyro_variance(seconds)
+        off = turn - delta.turn
+        agreement = turning.agreement.after(off, noise.tt + variance, seconds)
+        if turning.agreement.doubted or agreement.doubted:
+            noise = doubting(noise, off, agreement, seconds, self._params.track)
+        delta, noise = fused(delta, noise, turn, variance)
+        return replace(track, turning=replace(turning, agreement=agreement)), delta, noise
+
+    def _gyro_variance(self, seconds: float) -> float:
+        return self._params.gyro_noise**2 * seconds
+
+    def _noise(self, motion: Motion, seconds: float) -> Noise:
+        """Q of the lab in one of its two forms, for a step of so many `seconds`."""
+        if self._params.process_noise == "alpha":
+            steps = seconds / motion.interval if motion.interval > 0.0 else 1.0
+            position, heading = self._params.alpha_sigma
+            return Noise(0.0, 0.0, 0.0, steps * position**2, steps * heading**2)
+        # white in time: what the twist's covariance is worth over `interval`, for `seconds`
+        vv, vw, _, ww = motion.twist_covariance
+        scale = motion.interval * seconds
+        return Noise(scale * vv, scale * vw, scale * ww)
+
+    def _moved(self, track: Track, delta: Delta, noise: Noise) -> Track:
+        return track.each(lambda belief: self._engine.predict(belief, delta, noise))
