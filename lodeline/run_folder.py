@@ -158,6 +158,15 @@ def base_folder() -> Path:
     return Path(f"/tmp/lodeline-{os.geteuid()}")  # noqa: S108 - owner and mode are checked
 
 
+def log_folder() -> Path:
+    """The folder of what pipelines of this user printed, `NAME/HOST/NODE.log`: it is kept."""
+    if given := os.environ.get(VARIABLE):
+        return Path(given).absolute() / ".logs"
+    if state := os.environ.get("XDG_STATE_HOME"):
+        return Path(state) / "lodeline"
+    return Path(os.environ.get("HOME", f"/tmp/lodeline-{os.geteuid()}")) / ".local/state/lodeline"  # noqa: S108 - made 0700
+
+
 def folder_of(name: str, hosts: Sequence[str]) -> Path:
     """The run folder of a pipeline on a host, or on a machine that plays several hosts."""
     base, host = base_folder(), host_word(hosts)

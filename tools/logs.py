@@ -1,9 +1,10 @@
 """Show what the nodes of a running pipeline printed: the newest lines, and new ones with -f.
 
 With a NODE it is what this node printed, and what the supervisor says of it; `lodeline` is the
-supervisor itself. Lines of several hosts are put in order of
-time. Exit codes: 0 shown, or the pipeline that was followed has ended, 2 usage, 4 nothing runs
-or no such node, 130 interrupted.
+supervisor itself. Lines of several hosts are put in order of time. Of a pipeline that has ended
+it is the newest log file of each node: ~/.local/state/lodeline/PIPELINE/HOST/NODE.log, of which
+five of 5 MB are kept. Exit codes: 0 shown, or the pipeline that was followed has ended, 2 usage,
+4 nothing runs and nothing is kept, or no such node, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -11,9 +12,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from pathlib import Path
 
 from lodeline.params import nearest
-from lodeline.terminal.log_lines import OURS, Lines, is_about, line_text
+from lodeline.run_folder import log_folder, running
+from lodeline.supervisor.log_files import read
+from lodeline.terminal.log_lines import OURS, Line, Lines, is_about, line_text
 from lodeline.terminal.screen import colours
 from lodeline.watch import NothingThereError, Watch, choose
 
@@ -28,8 +32,11 @@ def main(argv: list[str]) -> int:
         with Watch(choose(arguments.name)) as watch:
             return _show(watch, arguments)
     except NothingThereError as error:
-        print(error, file=sys.stderr)
-        return EXIT_NOTHING
+        folder = None if arguments.follow or running() else _last_run(arguments.name)
+        if folder is None:
+            print(error, file=sys.stderr)
+            return EXIT_NOTHING
+        return _show_files(folder, arguments)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -62,9 +69,7 @@ def _show(watch: Watch, arguments: argparse.Namespace) -> int:
     lines = Lines(watch)
     if arguments.follow:
         lines.follow()
-    old = [line for line in lines.kept() if is_about(line, wanted)]
-    if arguments.lines is not None:
-        old = old[len(old) - min(arguments.lines, len(old)) :]
+    old = _newest([line for line in lines.kept() if is_about(line, wanted)], arguments.lines)
     coloured = colours()
     for line in old:
         print(json.dumps(line) if arguments.json else line_text(line, names, coloured))
@@ -78,6 +83,32 @@ def _show(watch: Watch, arguments: argparse.Namespace) -> int:
     except NothingThereError as error:
         print(error, file=sys.stderr)
     return 0
+
+
+def _last_run(name: str | None) -> Path | None:
+    """The log folder of the pipeline (the one of that name) that printed last."""
+    files = log_folder().glob(f"{name or '*'}/*/{OURS}.log")
+    newest = max(files, key=lambda file: file.stat().st_mtime, default=None)
+    return None if newest is None else newest.parent
+
+
+def _show_files(folder: Path, arguments: argparse.Namespace) -> int:
+    print(f"{folder.parent.name} does not run; from {folder}", file=sys.stderr)
+    lines = list(read(folder))
+    names = [OURS, *sorted({line["name"] for line in lines} - {OURS})]
+    for node in arguments.nodes:
+        if not any(is_about(line, {node}) for line in lines):
+            print(f"nothing about {node!r} there{nearest(node, names)}", file=sys.stderr)
+            return EXIT_NOTHING
+    about = [line for line in lines if is_about(line, set(arguments.nodes))]
+    for line in _newest(about, arguments.lines):
+        text = line_text(line, names, colours())
+        print(json.dumps(line | {"host": folder.name}) if arguments.json else text)
+    return 0
+
+
+def _newest(lines: list[Line], count: int | None) -> list[Line]:
+    return lines if count is None else lines[len(lines) - min(count, len(lines)) :]
 
 
 def _process(watch: Watch, node: str) -> str:

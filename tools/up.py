@@ -100,7 +100,8 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
     from lodeline.hosts.offset import NodeTime
     from lodeline.hosts.share import share_of
     from lodeline.notify import Notifier
-    from lodeline.run_folder import RunFolder, marker_of
+    from lodeline.run_folder import RunFolder, log_folder, marker_of
+    from lodeline.supervisor.log_files import LogFiles
     from lodeline.supervisor.logbook import LogBook
     from lodeline.supervisor.logs import Console
     from lodeline.supervisor.plan import plans_of
@@ -124,8 +125,16 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
         node_time = NodeTime(own, reference if link.ends and reference != host else None)
         plans = plans_of(pipeline, hosts, run.path, node_time.epoch)
         book = LogBook()
+        files = LogFiles(
+            log_folder() / pipeline.name / run.path.name, lambda text: console.event(text)
+        )
+
+        def keep(name: str, text: str) -> None:
+            book.add(name, text)
+            files.add(name, text)
+
         names = [plan.name for plan in plans]
-        console = Console(sys.stderr.fileno(), names, _coloured(), book.add)
+        console = Console(sys.stderr.fileno(), names, _coloured(), keep)
         try:
             nodes = sum(len(plan.nodes) for plan in plans)
             size = f"{_count(nodes, 'node')} in {_count(len(plans), 'process', 'es')}"
@@ -197,6 +206,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                     gateway.close(timeout=1.0)
                 hub.close(timeout=1.0)
         finally:
+            files.close()
             console.close()
 
 
