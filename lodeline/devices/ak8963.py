@@ -11,7 +11,7 @@ import struct
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from lodeline.devices.guard import STUCK_AFTER, TOLERATED, Repeats
+from lodeline.devices.guard import STUCK_AFTER, Repeats
 from lodeline.devices.link import DeviceError, Health, Link
 from lodeline.i2c import Bus
 
@@ -111,9 +111,9 @@ class Ak8963:
         if repeats >= STUCK_AFTER - 1 and health.state != "fault":
             health.tell(f"MAG_STUCK {self._name}: field unchanged over {repeats + 1} measurements")
             health.state = "fault"
-        if repeats < TOLERATED:
+        if repeats == 0:
             health.state = "ok"
-        return repeats < TOLERATED
+        return repeats == 0
 
     def _burst(self) -> list[int]:
         # ST1, the data and ST2 in one go: without ST2 the chip holds its data back for ever

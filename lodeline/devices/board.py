@@ -42,15 +42,18 @@ class ImuBoard:
     def read(self, stamp: int) -> tuple[list[tuple[int, ImuReading]], Field | None]:
         """Return the samples there are, each with its stamp, and a field [T] if there is one.
 
-        `stamp` [ns] is now. Without FIFO there is one sample at most, and it is of now.
+        `stamp` [ns] is now. Samples are of when the gyro felt what they say. Without FIFO there is
+        one at most, and the chip took it half a period ago on average.
         """
         now_s = seconds(stamp)
-        if isinstance(self.mpu, MpuFifo):
-            taken = self.mpu.read_all(now_s)
-            readings = [(stamp + round((t - now_s) * NANO), reading) for t, reading in taken]
+        mpu = self.mpu
+        if isinstance(mpu, MpuFifo):
+            taken = mpu.read_all(now_s)
         else:
-            reading = self.mpu.read(now_s)
-            readings = [] if reading is None else [(stamp, reading)]
+            reading = mpu.read(now_s)
+            t = now_s - 0.5 / mpu.params.sample_rate
+            taken = [] if reading is None else [(t, reading)]
+        readings = [(stamp + round((t - mpu.delay - now_s) * NANO), each) for t, each in taken]
         return readings, self._field(now_s) if self.mpu.link.up else None
 
     def _field(self, now_s: float) -> Field | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import struct
 from math import radians
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from lodeline.devices.guard import Guard
 from lodeline.devices.link import DeviceError, Health, Link
@@ -18,8 +18,8 @@ from lodeline.devices.mpu_models import MODELS, MpuParams
 from lodeline.i2c import Bus
 
 SMPLRT_DIV = 0x19
-CONFIG = 0x1A
-INT_PIN_CFG = 0x37
+FIFO_EN = 0x23
+INT_PIN_CFG = 0x37  # INT_ENABLE, one that tells nothing and INT_STATUS follow
 USER_CTRL = 0x6A
 PWR_MGMT_1 = 0x6B
 WHO_AM_I = 0x75
@@ -27,6 +27,8 @@ WHO_AM_I = 0x75
 RESET = 0x80
 CLOCK_AUTO = 0x01
 BYPASS = 0x02
+FLAGS = 0x11  # data ready and FIFO overflow; on the older chips they stay 0 unless enabled
+DATA_READY = 0x01
 KEEP_OLD = 0x40  # a full FIFO takes no more, so that its frames stay in step
 GRAVITY = 9.80665  # m/s^2 in one g
 GYRO_CODES = {250: 0, 500: 1, 1000: 2, 2000: 3}
@@ -55,6 +57,9 @@ class Mpu:
     again.
     """
 
+    fifo_parts: ClassVar[int] = 0x00  # what goes into the FIFO
+    user_control: ClassVar[int] = 0x00
+
     def __init__(self, bus: Bus, params: MpuParams | None = None, name: str = "imu") -> None:
         self.params = params = params if params is not None else MpuParams()
         self.model = MODELS["mpu9250" if params.chip == "auto" else params.chip]
@@ -65,8 +70,8 @@ class Mpu:
         self._check_s = float("-inf")
         stages = (self._reset, self._wake, self._configure, self._start)
         self.link = Link(name, bus, params.address, stages)
-        bandwidth = BANDWIDTHS[params.dlpf]
-        self.guard = Guard(name, self.health, params.gyro_range, params.accel_range, bandwidth)
+        ranges, bandwidth = (params.gyro_range, params.accel_range), BANDWIDTHS[params.dlpf]
+        self.guard = Guard(name, self.link.health, ranges, bandwidth, params.sample_rate)
         with contextlib.suppress(OSError):  # read() brings it up once it answers
             self._identify()
 
@@ -75,6 +80,11 @@ class Mpu:
         """How the chip does."""
         return self.link.health
 
+    @property
+    def delay(self) -> float:
+        """How long ago that was, at the time of a sample, which its gyro tells [s]."""
+        return self.model.gyro_delays[self.params.dlpf - 1]
+
     def read(self, now_s: float) -> ImuReading | None:
         """Return a reading taken now, at the monotonic `now_s` [s], or None if there is none."""
         if not self.ready(now_s):
@@ -82,14 +92,20 @@ class Mpu:
         raw = self.link.attempt(now_s, self._burst)
         if raw is None or self.forgot(now_s, raw[0]):
             return None
+        if not raw[3] & DATA_READY:
+            self.guard.nothing(now_s)
+            return None
         data = bytes(raw[4:])
         return self.decode(data) if self.guard.passes(now_s, data) else None
 
     def ready(self, now_s: float) -> bool:
         """Tell whether the chip is up and set; every 0.1 s its registers are looked at."""
         link = self.link
+        was_up = link.up
         if not link.ready(now_s):
             return False
+        if not was_up:
+            self.guard.alive(now_s)
         if now_s < self._check_s:
             return True
         self._check_s = now_s + CHECK_PERIOD
@@ -167,8 +183,10 @@ class Mpu:
     def _configure(self) -> float:
         bus, address = self.bus, self.params.address
         bus.write_i2c_block_data(address, SMPLRT_DIV, list(self._settings))
-        bus.write_byte_data(address, USER_CTRL, 0x00)  # its own I2C master off
-        bus.write_byte_data(address, INT_PIN_CFG, BYPASS)  # the magnetometer onto our bus
+        bus.write_byte_data(address, FIFO_EN, self.fifo_parts)
+        bus.write_byte_data(address, USER_CTRL, self.user_control)  # its own I2C master off
+        # the magnetometer onto our bus
+        bus.write_i2c_block_data(address, INT_PIN_CFG, [BYPASS, FLAGS])
         if not self._is_configured():
             raise DeviceError(f"IMU_SETTINGS {self.name}: the chip does not keep its settings")
         return START_TIME
@@ -179,8 +197,9 @@ class Mpu:
 
     def _is_configured(self) -> bool:
         bus, address, settings = self.bus, self.params.address, self._settings
+        kept = bus.read_i2c_block_data(address, SMPLRT_DIV, FIFO_EN - SMPLRT_DIV + 1)
         return (
-            tuple(bus.read_i2c_block_data(address, SMPLRT_DIV, len(settings))) == settings
-            and bus.read_byte_data(address, INT_PIN_CFG) == BYPASS
-            and bus.read_byte_data(address, PWR_MGMT_1) == CLOCK_AUTO
+            (*kept[: len(settings)], kept[-1]) == (*settings, self.fifo_parts)
+            and bus.read_i2c_block_data(address, INT_PIN_CFG, 2) == [BYPASS, FLAGS]
+            and bus.read_i2c_block_data(address, USER_CTRL, 2) == [self.user_control, CLOCK_AUTO]
         )

@@ -2,21 +2,26 @@
 
 For 500 Hz and 1 kHz: one look every few samples, instead of a tick for each. At 1 kHz a bus of
 400 kHz is busy for 40 % of the time; one of 100 kHz is too slow.
+
+No sample goes out before it is known when it was taken. Where a look at the counter does not tell
+that (as after the start), the counter is watched until it moves; if that does not do either,
+samples wait in the FIFO for the next look.
 """
 
 from __future__ import annotations
 
 import errno
 from collections.abc import Callable
+from dataclasses import replace
 
 from smbus2 import i2c_msg
 
+from lodeline.devices.link import Health
 from lodeline.devices.mpu import INT_PIN_CFG, USER_CTRL, ImuReading, Mpu
 from lodeline.devices.mpu_models import MpuParams
 from lodeline.devices.sample_clock import SampleClock
 from lodeline.i2c import Bus
 
-FIFO_EN = 0x23
 FIFO_COUNT_H = 0x72
 FIFO_R_W = 0x74
 EVERYTHING = 0xF8  # accelerometer, thermometer and gyro, in the order of the data registers
@@ -24,6 +29,10 @@ FIFO_ON, FIFO_RESET = 0x40, 0x04
 OVERFLOW = 0x10
 FRAME = 14  # bytes
 FULLEST = 0.5  # part of the FIFO that one look may find, so that a late look loses nothing
+SURE, KNOWN = 0.15, 0.2  # periods: off by so much, times are not looked into, and good enough
+HUNT = 1.2  # periods for which the counter is watched,
+LONGEST_HUNT = 0.006  # s, at most
+PATIENCE = 0.5  # s, after which samples go out although their times are less well known
 NOT_READ = (errno.EREMOTEIO, errno.ENXIO)  # not acknowledged: then nothing was read either
 
 
@@ -40,6 +49,9 @@ def check_rate(params: MpuParams, rate: float) -> None:
 class MpuFifo(Mpu):
     """The driver with a FIFO. `clock` [s] tells how late a look is within its tick."""
 
+    fifo_parts = EVERYTHING
+    user_control = FIFO_ON
+
     def __init__(
         self, bus: Bus, params: MpuParams, clock: Callable[[], float], name: str = "imu"
     ) -> None:
@@ -48,8 +60,19 @@ class MpuFifo(Mpu):
         self._samples = SampleClock(1.0 / params.sample_rate)
         self._waiting = 0  # samples that were counted, and could not be read
         self._last_s = 0.0
+        self._vague_s = float("inf")  # since when times are not known well enough
+        self._vague = False
         self._torn = False
         self.lost = 0
+
+    @property
+    def health(self) -> Health:
+        """How the chip does: less well while nobody knows exactly when its samples were taken."""
+        health = self.link.health
+        if not self._vague or health.state != "ok":
+            return health
+        text = f"FIFO_TIMES {self.name}: times are off by up to {self._off(1):.1f} samples"
+        return replace(health, state="degraded", message=f"{text} - use a faster bus")
 
     def read_all(self, now_s: float) -> list[tuple[float, ImuReading]]:
         """Return all samples taken since the last look: (time [s] by the clock of `now_s`, sample).
@@ -59,27 +82,57 @@ class MpuFifo(Mpu):
         ahead_s = now_s - self._clock()
         if not self.ready(now_s):
             return []
-        before_s = self._clock() + ahead_s
-        counted = self.link.attempt(now_s, self._count)
-        after_s = self._clock() + ahead_s
-        if counted is None:
+        there = self._look(now_s, ahead_s)
+        if there == 0:
+            self.guard.nothing(now_s)
+        if not there or self._waits(now_s, there):
             return []
-        if counted > self.model.fifo_size - FRAME:
-            self._drop(now_s, "FIFO_OVERFLOW", "read too late")
-            return []
-        there = counted // FRAME
-        self._samples.update(before_s, after_s, there - self._waiting)
-        self._waiting = there
-        period, newest = self._samples.period, self._samples.newest
-        first = newest - (there - 1) * period
-        frames = self._frames(now_s, there) if there else []
         samples = []
-        for place, frame in enumerate(frames):
-            # a first guess may be late by a sample: stamps never go back for it
-            t = self._last_s = max(first + place * period, self._last_s + 1e-6)
+        known = (float("inf") if self._vague else KNOWN) * self._samples.period
+        for place, frame in enumerate(self._frames(now_s, there)):
+            t, off = self._samples.taken(there - 1 - place)
+            if off > known:
+                self.lost += 1
+                continue
+            t = self._last_s = max(t, self._last_s + 1e-6)  # where times had to be found anew
             if self.guard.passes(t, frame):
                 samples.append((t, self.decode(frame)))
         return samples
+
+    def _look(self, now_s: float, ahead_s: float) -> int | None:
+        """Count the samples in the FIFO, until it is known when they were taken."""
+        begun = self._clock()
+        ends = begun + min(HUNT * self._samples.period, LONGEST_HUNT)
+        while True:
+            before = self._clock()
+            counted = self.link.attempt(now_s, self._count)
+            after = self._clock()
+            if counted is None:
+                return None
+            if counted > self.model.fifo_size - FRAME:
+                self._drop(now_s, "FIFO_OVERFLOW", "read too late")
+                return None
+            there = counted // FRAME
+            self._samples.update(before + ahead_s, after + ahead_s, there - self._waiting)
+            self._waiting = there
+            # a clock that stands still is simulated: watching would last for ever
+            if self._off(there) <= SURE or after >= ends or after == begun:
+                return there
+
+    def _off(self, there: int) -> float:
+        """How far off the times of so many samples may be [periods]."""
+        oldest, newest = self._samples.taken(max(there - 1, 0)), self._samples.taken()
+        return max(oldest[1], newest[1]) / self._samples.period
+
+    def _waits(self, now_s: float, there: int) -> bool:
+        """Tell whether samples stay in the FIFO, because a later look will tell of them too."""
+        self.guard.alive(now_s)
+        if self._off(there) <= KNOWN:
+            self._vague_s, self._vague = float("inf"), False
+            return False
+        self._vague_s = min(self._vague_s, now_s)
+        self._vague = now_s - self._vague_s > PATIENCE
+        return not self._vague and there * FRAME <= FULLEST * self.model.fifo_size
 
     def _frames(self, now_s: float, there: int) -> list[bytes]:
         """Take the frames out, and look whether the chip is still the one that was set up."""
@@ -103,7 +156,7 @@ class MpuFifo(Mpu):
         """Empty the FIFO, whose frames cannot be told apart or counted any more."""
         lost = round((now_s - self._last_s) / self._samples.period) if self._last_s else 0
         self.lost += lost
-        self.health.tell(f"{code} {self.name}: {why}, {lost} samples lost")
+        self.link.health.tell(f"{code} {self.name}: {why}, {lost} samples lost")
         self.link.attempt(now_s, self._start)
 
     def _count(self) -> int:
@@ -126,8 +179,8 @@ class MpuFifo(Mpu):
 
     def _start(self) -> float:
         bus, address = self.bus, self.params.address
-        bus.write_byte_data(address, FIFO_EN, EVERYTHING)
-        bus.write_byte_data(address, USER_CTRL, FIFO_ON | FIFO_RESET)
+        bus.write_byte_data(address, USER_CTRL, FIFO_RESET)  # the older ones do it while off only
+        bus.write_byte_data(address, USER_CTRL, FIFO_ON)
         self._state()  # clears an overflow of before
         self._samples.restart()
         self._waiting = 0

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
+GYRO_DELAYS = (2.9e-3, 3.9e-3, 5.9e-3, 9.9e-3, 17.85e-3, 33.48e-3)  # s, for DLPF_CFG 1 to 6
+OLD_GYRO_DELAYS = (1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3)
+
 
 class Model(NamedTuple):
     """One of these chips. `accel_filter`: the accelerometer has a filter of its own."""
@@ -16,14 +19,17 @@ class Model(NamedTuple):
     degrees_per_lsb: float = 1.0 / 333.87
     degrees_at_0: float = 21.0
     fifo_size: int = 512  # bytes
+    gyro_delays: tuple[float, ...] = GYRO_DELAYS
 
 
 MODELS = {
     "mpu9250": Model(0x71, "MPU-9250", "AK8963"),
     "mpu9255": Model(0x73, "MPU-9255", "AK8963"),
-    "mpu9150": Model(0x68, "MPU-9150", "AK8975", False, 1.0 / 340.0, 36.53, 1024),
+    "mpu9150": Model(0x68, "MPU-9150", "AK8975", False, 1.0 / 340.0, 36.53, 1024, OLD_GYRO_DELAYS),
     "mpu6500": Model(0x70, "MPU-6500: no magnetometer"),
-    "mpu6050": Model(0x68, "MPU-6050: no magnetometer", "", False, 1.0 / 340.0, 36.53, 1024),
+    "mpu6050": Model(
+        0x68, "MPU-6050: no magnetometer", "", False, 1.0 / 340.0, 36.53, 1024, OLD_GYRO_DELAYS
+    ),
 }
 
 
@@ -32,8 +38,10 @@ class MpuParams:
     """Where the chip is and how it measures.
 
     `chip: auto` takes any that is known, and a name refuses all others (MPU-6050 and 9150 say the
-    same of themselves). `dlpf` is DLPF_CFG for gyro
-    and accelerometer alike: 1 to 6 stand for a gyro bandwidth of 184, 92, 41, 20, 10 and 5 Hz.
+    same of themselves). `dlpf` is DLPF_CFG for gyro and accelerometer alike: 1 to 6 stand for a
+    gyro bandwidth of 184, 92, 41, 20, 10 and 5 Hz. The lower it is, the later the filter tells of a
+    motion: by 3, 4, 6, 10, 18 and 33 ms. Stamps are earlier by that; the accelerometer's delay is
+    another one, up to twice as long.
     `sample_rate` is the chip's own, 1000 Hz or a whole fraction of it; reading slower than it
     samples costs nothing and keeps what is read fresh. With `fifo` every one of its samples is read
     (see mpu_fifo).

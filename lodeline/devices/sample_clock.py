@@ -24,6 +24,7 @@ class SampleClock:
         """Take the period [s] that the chip is set to."""
         self._nominal = period
         self._corners: list[Corner] = []
+        self._stopped = False
         self._look_s = 0.0
         self._periods = (period * (1.0 - TOLERANCE), period * (1.0 + TOLERANCE))
 
@@ -32,21 +33,18 @@ class SampleClock:
         """The chip's period by our clock [s]."""
         return 0.5 * (self._periods[0] + self._periods[1])
 
-    @property
-    def newest(self) -> float:
-        """When the newest sample was taken [s]."""
-        times = [u for u, _ in self._corners]
-        return self._look_s + 0.5 * (min(times) + max(times))
-
-    @property
-    def uncertainty(self) -> float:
-        """How far `newest` is off at most [s]."""
-        times = [u for u, _ in self._corners]
-        return 0.5 * (max(times) - min(times))
+    def taken(self, back: int = 0) -> tuple[float, float]:
+        """When the sample `back` before the newest was taken [s], and how far off that may be."""
+        times = [u - back * period for u, period in self._corners]
+        if not times:
+            return self._look_s, float("inf")
+        low, high = min(times), max(times)
+        return self._look_s + 0.5 * (low + high), 0.5 * (high - low)
 
     def restart(self) -> None:
         """Forget which sample is which, as after some were lost; the period stays known."""
         self._corners = []
+        self._stopped = False
 
     def update(self, before_s: float, after_s: float, new: int) -> None:
         """Take a look at the counter: it began and ended then, and found `new` more samples."""
@@ -54,6 +52,10 @@ class SampleClock:
         corners = self._moved(before_s, new) if self._corners else []
         self._look_s = before_s
         corners = _cut(_cut(corners, 1.0, 0.0, width), -1.0, -1.0, 0.0)
+        self._stopped = new == 0 and (self._stopped or bool(self._corners and not corners))
+        if self._stopped:
+            self._corners = []
+            return
         if not corners:  # the first look, or one that agrees with nothing before
             low, high = self._periods
             if self._corners:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from itertools import pairwise
 from math import atan2, cos, pi, sin
+from typing import Literal
 
 import pytest
 
@@ -12,44 +13,46 @@ from lodeline.devices import ImuBoard, MpuFifo, MpuParams, check_rate
 from lodeline.devices.sample_clock import SampleClock
 from tests.devices.rig import MakeRig, Rig
 
-HAND = 0.2  # s: what the accelerometer feels goes round as the hand of a clock does
-LENGTH = 30.0  # m/s^2, so that a bit of it is some microseconds
+HAND = 0.2  # s: what the gyro feels goes round as the hand of a clock does
+LENGTH = 8.0  # rad/s, so that a bit of it is a microsecond
 
 
 def hand(t: float) -> tuple[float, float, float]:
-    return LENGTH * cos(2.0 * pi * t / HAND), LENGTH * sin(2.0 * pi * t / HAND), 9.8
+    return LENGTH * cos(2.0 * pi * t / HAND), LENGTH * sin(2.0 * pi * t / HAND), 0.1
 
 
-def told(stamp: float, force: tuple[float, float, float]) -> float:
-    """When a force was felt [s], known to be about at the stamp."""
-    since = atan2(force[1], force[0]) / (2.0 * pi) * HAND
+def told(stamp: float, rate: tuple[float, float, float]) -> float:
+    """When a rate was felt [s], known to be about at the stamp."""
+    since = atan2(rate[1], rate[0]) / (2.0 * pi) * HAND
     return since + HAND * round((stamp - since) / HAND)
 
 
 class Stage:
     """A board read through its FIFO, with ticks as uneven as a busy machine makes them."""
 
-    def __init__(self, bench: Rig, sample_rate: float, tick_rate: float) -> None:
+    def __init__(
+        self, bench: Rig, sample_rate: float, tick_rate: float, dlpf: Literal[1, 2, 5] = 2
+    ) -> None:
         self.bench = bench
         self.chip = bench.robot.imu
-        self.chip._specific_force = hand
-        self.chip._angular_velocity = lambda t: (0.3 * sin(9e4 * t), 0.0, 0.3 * sin(2e5 * t))
-        params = MpuParams(sample_rate=sample_rate, fifo=True)
+        self.chip._angular_velocity = hand
+        self.chip._specific_force = lambda t: (0.3 * sin(9e4 * t), 0.0, 9.8 + 0.3 * sin(2e5 * t))
+        params = MpuParams(sample_rate=sample_rate, fifo=True, dlpf=dlpf)
         self.board = ImuBoard(bench.bus, bench.clock, params)
         self.period = 1.0 / sample_rate
         self.tick_rate = tick_rate
         self.dice = random.Random(7)
         self.late: list[float] = []
-        bench.latency = 0.1e-3  # s: 25 bits of 400 kHz, and the system call
+        bench.latency = 0.15e-3  # s: 45 bits of 400 kHz, and the system call
 
     def run(self, seconds: float) -> list[tuple[float, float]]:
-        """Samples of some seconds: (stamp [s], when the chip took it [s])."""
+        """Samples of some seconds: (stamp [s], when the gyro felt it [s])."""
         bench, begin, got = self.bench, self.bench.now, []
         for i in range(1, round(seconds * self.tick_rate) + 1):
             late = min(self.dice.expovariate(1.0 / 60e-6), 5e-3)
             bench.now = max(bench.now, begin + i / self.tick_rate + late)
             samples, _ = self.board.read(round(bench.now * 1e9))
-            got += [(s * 1e-9, told(s * 1e-9, r.linear_acceleration)) for s, r in samples]
+            got += [(s * 1e-9, told(s * 1e-9, r.angular_velocity)) for s, r in samples]
         return got
 
 
@@ -58,17 +61,23 @@ def errors(got: list[tuple[float, float]], period: float) -> list[float]:
     return [(stamp - true) / period for stamp, true in got]
 
 
-@pytest.mark.parametrize("error", [-0.01, -0.001, 0.003, 0.01])
-@pytest.mark.parametrize(("sample_rate", "tick_rate"), [(1000.0, 100.0), (500.0, 100.0)])
-def test_stamps_are_right_to_a_fifth_of_a_sample(
-    rig: MakeRig, sample_rate: float, tick_rate: float, error: float
+@pytest.mark.parametrize("error", [-0.02, -0.003, 0.0, 0.0001, 0.01, 0.02])
+@pytest.mark.parametrize("chip", ["mpu9250", "mpu6050"])
+@pytest.mark.parametrize(("sample_rate", "tick_rate"), [(1000.0, 100.0), (500.0, 50.0)])
+def test_stamps_are_right_to_a_fifth_of_a_sample_from_the_first_one_on(
+    rig: MakeRig, chip: str, sample_rate: float, tick_rate: float, error: float
 ) -> None:
-    stage = Stage(rig(imu_clock_error=error), sample_rate, tick_rate)
-    stage.run(3.0)
-    got = stage.run(4.0)
-    assert len(got) == pytest.approx(4.0 * sample_rate * (1.0 + error), abs=12), "none is missing"
+    """Whether the chip's clock slides past ours or keeps step with it, and through the filter."""
+    dlpf: Literal[1, 5] = 1 if chip == "mpu9250" else 5
+    stage = Stage(rig(imu_clock_error=error, imu_chip=chip), sample_rate, tick_rate, dlpf)
+    got = stage.run(0.6)
+    first = got[0][1]
+    assert first < 0.26, "it takes 0.17 s until the gyro has started"
+    got += stage.run(0.9)
+    assert len(got) == pytest.approx((1.5 - first) * sample_rate * (1.0 + error), abs=22)
     assert all(after > before for (before, _), (after, _) in pairwise(got))
     assert max(map(abs, errors(got, stage.period))) < 0.2
+    assert stage.board.health.state in ("ok", "degraded")
 
 
 def test_stamps_are_right_to_a_fifth_of_a_sample_for_any_clock() -> None:
@@ -93,18 +102,39 @@ def test_stamps_are_right_to_a_fifth_of_a_sample_for_any_clock() -> None:
             clock.update(before, after, count - seen)
             seen = count
             if tick > 300:
-                worst = max(worst, abs(clock.newest - taken(count)) / period)
-                assert abs(clock.newest - taken(count)) <= clock.uncertainty + 2e-6
+                newest, off = clock.taken()
+                worst = max(worst, abs(newest - taken(count)) / period)
+                assert abs(newest - taken(count)) <= off + 2e-6
         assert worst < 0.2, seed
         now = taken(seen) - taken(seen - 1)
         assert abs(clock.period - now) < 3e-4 * period, "or the oldest of a batch would be off"
 
 
-def test_the_first_stamps_are_right_to_half_a_sample_and_none_goes_back(rig: MakeRig) -> None:
-    stage = Stage(rig(), 1000.0, 100.0)
-    got = stage.run(1.0)
-    assert all(after > before for (before, _), (after, _) in pairwise(got))
+def test_on_a_bus_too_slow_to_tell_samples_go_out_and_the_state_is_degraded(rig: MakeRig) -> None:
+    stage = Stage(rig(imu_clock_error=0.0), 1000.0, 100.0)
+    stage.bench.latency = 0.7e-3
+    stage.run(0.6)
+    got = stage.run(2.0)
+    assert len(got) > 1500
+    health = stage.board.health
+    assert health.state == "degraded"
+    assert health.message.startswith("FIFO_TIMES imu: times are off by up to 0.")
     assert max(map(abs, errors(got, stage.period))) < 0.7
+
+
+def test_a_fifo_that_stays_empty_is_told_within_150_ms(
+    rig: MakeRig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage = Stage(rig(), 1000.0, 100.0)
+    stage.run(1.0)
+    monkeypatch.setattr(stage.chip, "_push", lambda frame: None)
+    assert all(abs(s - t) < 2e-4 for s, t in stage.run(0.15)), "what was in it"
+    stuck = stage.board.health
+    assert stuck.state == "fault"
+    assert stuck.message.startswith("IMU_STUCK imu: no new sample for 0.1")
+    monkeypatch.undo()
+    assert max(map(abs, errors(stage.run(1.0), stage.period))) < 0.2
+    assert stage.board.health.state == "ok"
 
 
 def test_a_look_that_comes_too_late_loses_samples_and_says_how_many(rig: MakeRig) -> None:
@@ -119,7 +149,7 @@ def test_a_look_that_comes_too_late_loses_samples_and_says_how_many(rig: MakeRig
     assert mpu.health.message == f"FIFO_OVERFLOW imu: read too late, {mpu.lost} samples lost"
     assert mpu.lost == pytest.approx(lost, abs=20)
     assert got[0][0] - (before + 0.2) < 0.02, "on again with the next look"
-    assert max(map(abs, errors(got[1000:], stage.period))) < 0.2
+    assert max(map(abs, errors(got, stage.period))) < 0.2, "the chip's rate was not forgotten"
     assert stage.board.health.state == "ok"
 
 

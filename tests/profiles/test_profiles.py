@@ -13,8 +13,8 @@ from ruamel.yaml import YAML
 from lodeline import virtual
 from lodeline.cli import main
 from lodeline.pipeline.load import load
-from lodeline.rotation import to_euler
-from lodeline_msgs import AttitudeEstimate, Message, Odometry, PoseEstimate
+from lodeline_msgs import Message, Odometry, PoseEstimate
+from tests.support.truth import heading_errors
 
 ROBOTS = ("scuttle", "magnet-lab", "beego")
 SECONDS = 12.0  # in the first two of which the robot stands
@@ -101,13 +101,8 @@ def test_odometry_goes_the_way_of_the_robot(heard: dict[str, list[Message]]) -> 
 def test_the_attitude_knows_north_although_the_chip_is_mounted_askew(
     heard: dict[str, list[Message]],
 ) -> None:
-    truth = poses(heard["truth"])
-    errors = [
-        turned(to_euler(message.orientation)[2] - truth[message.stamp][2])
-        for message in heard["attitude"]
-        if isinstance(message, AttitudeEstimate) and message.stamp in truth
-    ]
-    assert len(errors) > 400
+    errors = heading_errors(heard["attitude"], heard["truth"])
+    assert len(errors) > 2000
     late = errors[len(errors) // 2 :]
     assert (sum(error * error for error in late) / len(late)) ** 0.5 < 4.0 * pi / 180.0
 

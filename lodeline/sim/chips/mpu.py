@@ -10,11 +10,12 @@ import struct
 from collections.abc import Callable
 from math import floor, radians
 
+from lodeline.sim.chips.mpu_timing import OLD, delays, sample_rate
 from lodeline.sim.chips.registers import Clock, RegisterChip, Sense, int16
 
 SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG2 = 0x19, 0x1A, 0x1B, 0x1C, 0x1D
 FIFO_EN = 0x23
-INT_PIN_CFG, INT_STATUS = 0x37, 0x3A
+INT_PIN_CFG, INT_ENABLE, INT_STATUS = 0x37, 0x38, 0x3A
 ACCEL_XOUT_H, GYRO_ZOUT_L = 0x3B, 0x48
 USER_CTRL, PWR_MGMT_1 = 0x6A, 0x6B
 FIFO_COUNT_H, FIFO_COUNT_L, FIFO_R_W = 0x72, 0x73, 0x74
@@ -23,7 +24,7 @@ WHO_AM_I = 0x75
 WRITABLE = frozenset(
     (
         *range(0x13, 0x1F),  # offsets, SMPLRT_DIV, CONFIG, ranges, low-power rate
-        *(0x1F, FIFO_EN, INT_PIN_CFG, 0x38, 0x68, 0x69, USER_CTRL, PWR_MGMT_1, 0x6C),
+        *(0x1F, FIFO_EN, INT_PIN_CFG, INT_ENABLE, 0x68, 0x69, USER_CTRL, PWR_MGMT_1, 0x6C),
         *(0x77, 0x78, 0x7A, 0x7B, 0x7D, 0x7E),  # accelerometer offsets
     )
 )
@@ -34,7 +35,6 @@ KEEP_OLD = 0x40  # of CONFIG: a full FIFO takes no more, instead of losing its o
 DATA_READY, FIFO_OVERFLOW = 0x01, 0x10
 # what each bit of FIFO_EN puts in: bytes of the data registers, in their order
 FIFO_PARTS = ((0x08, 0, 6), (0x80, 6, 8), (0x40, 8, 10), (0x20, 10, 12), (0x10, 12, 14))
-OLD = (0x68, 0x69)  # WHO_AM_I of the MPU-6050 and its like
 GRAVITY = 9.80665  # m/s^2 in one g
 START_TIME = 0.035  # s, of the gyro after power-up or sleep
 DEAF_TIME = 0.011  # s without an answer after power-up
@@ -92,14 +92,8 @@ class MpuChip(RegisterChip):
 
     @property
     def sample_rate(self) -> float:
-        """Samples per second; the newer chips divide 1 kHz only, the older ones 8 kHz too."""
-        registers = self._registers
-        filtered = registers[CONFIG] & 0x07 not in (0, 7)
-        if self._identity in OLD:
-            return self._pace * (1000.0 if filtered else 8000.0) / (1 + registers[SMPLRT_DIV])
-        if registers[GYRO_CONFIG] & 0x03:
-            return self._pace * 32000.0
-        return self._pace * (1000.0 / (1 + registers[SMPLRT_DIV]) if filtered else 8000.0)
+        """Samples per second of true time [Hz]."""
+        return self._pace * sample_rate(self._identity, self._registers)
 
     def _restart(self) -> None:
         self._epoch = self._clock()
@@ -122,7 +116,7 @@ class MpuChip(RegisterChip):
         if newest > first + kept - 1:
             self._sample(self._epoch + newest / rate)
         self._sampled = newest
-        registers[INT_STATUS] |= DATA_READY
+        self._flag(DATA_READY)
 
     def _fifo_room(self) -> int:
         """Samples that one look after a long time must go through: as many as may be kept."""
@@ -133,10 +127,13 @@ class MpuChip(RegisterChip):
         accel_range = 2 << (self._registers[ACCEL_CONFIG] >> 3 & 3)
         per_rate = 32768.0 / radians(gyro_range)
         per_force = 32768.0 / (accel_range * GRAVITY)
-        values = [int16(f * per_force) for f in self._specific_force(t)]
+        gyro_delay, accel_delay = delays(self._identity, self._registers)
+        values = [int16(f * per_force) for f in self._specific_force(t - accel_delay)]
         values.append(int16(self._thermometer(self._temperature(t))))
         started = t >= self._woken + START_TIME
-        values += [int16(w * per_rate) if started else 0 for w in self._angular_velocity(t)]
+        values += [
+            int16(w * per_rate) if started else 0 for w in self._angular_velocity(t - gyro_delay)
+        ]
         self._registers[ACCEL_XOUT_H : GYRO_ZOUT_L + 1] = _DATA.pack(*values)
         if self._registers[USER_CTRL] & FIFO_ON:
             self._push(self._frame())
@@ -156,11 +153,16 @@ class MpuChip(RegisterChip):
         fifo = self._fifo
         room = self.fifo_size - len(fifo)
         if len(frame) > room:
-            self._registers[INT_STATUS] |= FIFO_OVERFLOW
+            self._flag(FIFO_OVERFLOW)
             if self._registers[CONFIG] & KEEP_OLD:
                 frame = frame[:room]
         fifo += frame
         del fifo[: len(fifo) - self.fifo_size if len(fifo) > self.fifo_size else 0]
+
+    def _flag(self, flag: int) -> None:
+        """Set a flag; the older chips have only those which INT_ENABLE asks for."""
+        registers = self._registers
+        registers[INT_STATUS] |= flag & registers[INT_ENABLE] if self._identity in OLD else flag
 
     def _get(self, register: int) -> int:
         if register == WHO_AM_I:
@@ -185,7 +187,8 @@ class MpuChip(RegisterChip):
             self.reset()
             return
         if register == USER_CTRL and value & FIFO_RESET:
-            self._fifo.clear()
+            if not (self._identity in OLD and value & FIFO_ON):
+                self._fifo.clear()
             value &= ~FIFO_RESET
         woken = register == PWR_MGMT_1 and self._registers[register] & ~value & SLEEP
         timing = register in (SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG)
