@@ -1,0 +1,1 @@
+"""A chain of processes from an IMU to a pose, on our pipeline and on what else there is."""
