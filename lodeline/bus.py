@@ -117,10 +117,10 @@ class Session:
 
         def run() -> None:
             for sample in _samples(subscriber):
-                if sample.kind == zenoh.SampleKind.PUT:
+                data = sample.payload.to_bytes()
+                if data or sample.kind == zenoh.SampleKind.PUT:  # a DELETE carries nothing
                     info = sample.source_info
-                    source = "" if info is None else str(info.source_id.zid)
-                    take(source, sample.payload.to_bytes())
+                    take("" if info is None else str(info.source_id.zid), data)
 
         self._listen(key, subscriber, run)
 

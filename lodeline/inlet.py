@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 
 from lodeline.clock import Clock
 from lodeline.health import Complaint
-from lodeline_msgs import DecodeError, Message, unpack
+from lodeline_msgs import DecodeError, Message, unpacker_of
 
 M = TypeVar("M", bound=Message)
 
@@ -44,7 +44,7 @@ class Inlet(Generic[M]):
         may_send: Callable[[str], bool] = anybody,
     ) -> None:
         self.key = key
-        self.message = message
+        self.unpack = unpacker_of(message)
         self.received = 0
         self.lost = 0
         self.late = 0
@@ -76,7 +76,7 @@ class Inlet(Generic[M]):
         if source != self._source and not self._changes_hands(source):
             return
         try:
-            message = unpack(data, self.message)
+            message = self.unpack(data)
         except DecodeError as error:
             self._refuse(error.cause, str(error))
             return

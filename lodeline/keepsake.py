@@ -19,7 +19,7 @@ from lodeline.node import Node
 
 
 class Keepsake:
-    """The state file of one node: `store` it now and then, `restore` it once at the start.
+    """The state file of one node: `look` and `store` now and then, `restore` once at the start.
 
     With the state go marks: the stamp [ns] of the newest sample in it, by key.
     """
@@ -29,13 +29,14 @@ class Keepsake:
         self._file = folder / f"{node.context.name}.msgpack"
         self._stored = b""
 
-    def store(self, marks: Mapping[str, int]) -> None:
-        """Write the node's state if it has one and it changed."""
+    def look(self, marks: Mapping[str, int]) -> bytes:
+        """The node's state as it is now, while no handler runs; empty if there is none."""
         state = self._node.save()
-        if state is None:
-            return
-        data = msgpack.packb([asdict(state), dict(marks)])
-        if data != self._stored:
+        return b"" if state is None else msgpack.packb([asdict(state), dict(marks)])
+
+    def store(self, data: bytes) -> None:
+        """Write what `look` saw if it is something new; a slow disk may take its time."""
+        if data and data != self._stored:
             self._stored = data
             part = self._file.with_suffix(".part")
             part.write_bytes(zlib.crc32(data).to_bytes(4, "little") + data)

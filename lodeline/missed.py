@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import msgpack
 
 from lodeline.inlet import Inlet
-from lodeline_msgs import DecodeError, Message, pack, unpack
+from lodeline_msgs import DecodeError, Message, pack
 
 RECENT = 512
 """Samples kept of each output, two and a half seconds at 200 Hz."""
@@ -131,7 +131,7 @@ class Missed:
 def _stamp(inlet: Inlet[Any], data: bytes) -> int:
     """When a sample was measured; 0 for one that its inlet will refuse."""
     try:
-        message: Message = unpack(data, inlet.message)
+        message: Message = inlet.unpack(data)
     except DecodeError:
         return 0
     return message.stamp

@@ -205,12 +205,16 @@ class NodeProcess:
         """Whether the work goes on: the lock is not held for long, and drivers tick."""
         if not self.lock.acquire(timeout=BEAT_S):
             return False
+        states: list[tuple[Keepsake, bytes]] = []
         try:
             if not self.missed:
                 for name, keepsake in self.keepsakes.items():
-                    keepsake.store({i.key: i.newest for i in self.status.inlets(name)})
+                    marks = {i.key: i.newest for i in self.status.inlets(name)}
+                    states.append((keepsake, keepsake.look(marks)))
         finally:
             self.lock.release()
+        for keepsake, state in states:
+            keepsake.store(state)
         return self.bus.alive() and all(ticker.alive() for ticker in self.tickers)
 
     def _close(self) -> None:

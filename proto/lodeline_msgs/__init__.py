@@ -8,6 +8,7 @@ from lodeline_msgs.codec import (
     pack,
     unpack,
     unpack_map,
+    unpacker_of,
 )
 from lodeline_msgs.control import Twist
 from lodeline_msgs.definition import MESSAGES, FieldSpec, Message, Unit, field_specs, message
@@ -45,4 +46,5 @@ __all__ = [
     "unit_table",
     "unpack",
     "unpack_map",
+    "unpacker_of",
 ]

@@ -6,9 +6,9 @@ dataclasses generate `__init__`: 1 us to pack, 2-3 us to unpack with every value
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import isfinite
-from typing import Any, Literal, TypeVar, cast
+from typing import Any, Literal, NoReturn, TypeVar, cast
 
 import msgpack
 
@@ -77,13 +77,13 @@ def unpack(data: bytes, cls: type[M]) -> M:
     Checks size, nesting, types and finiteness. Fields unknown here are skipped, fields that
     have a default may be missing.
     """
-    values = unpack_map(data)
+    return unpacker_of(cls)(data)
+
+
+def unpacker_of(cls: type[M]) -> Callable[[bytes], M]:
+    """What `unpack` does for a class, for who unpacks many."""
     unpacker = _unpackers.get(cls) or _make_unpacker(cls)
-    try:
-        return cast(M, unpacker(values))
-    except KeyError as error:
-        text = f"{cls.__name__}: field {error.args[0]!r} is missing"
-        raise DecodeError("missing field", text) from None
+    return cast(Callable[[bytes], M], unpacker)
 
 
 def unpack_map(data: bytes) -> dict[str, Any]:
@@ -119,7 +119,7 @@ def _cause_of(text: str) -> Cause:
 # One packer serves all: packing built-in types never runs other Python code in between.
 _packb: Callable[[Any], bytes] = msgpack.Packer(use_bin_type=True, autoreset=True).pack
 _packers: dict[type[Message], Callable[[Any], bytes]] = {}
-_unpackers: dict[type[Message], Callable[[dict[str, Any]], Message]] = {}
+_unpackers: dict[type[Message], Callable[[bytes], Message]] = {}
 
 
 def _make_packer(cls: type[Message]) -> Callable[[Any], bytes]:
@@ -131,28 +131,45 @@ def _make_packer(cls: type[Message]) -> Callable[[Any], bytes]:
     return packer
 
 
-def _make_unpacker(cls: type[Message]) -> Callable[[dict[str, Any]], Message]:
-    lines = ["def made(values):"]
+def _make_unpacker(cls: type[Message]) -> Callable[[bytes], Message]:
     specs = field_specs(cls)
+    every = ", ".join(spec.name for spec in specs)
+    lines = ["def made(data):", " values = unpack_map(data)", " try:"]
     for spec in specs:
-        name = spec.name
-        if spec.required:
-            lines.append(f" {name} = values[{name!r}]")
-        else:
-            lines.append(f" {name} = values.get({name!r}, default_{name})")
-        lines += [
-            f" if not ({_quick_check(spec)}):",
-            f"  {name} = mend({name}, spec_{name}, cls)",
-        ]
-    lines.append(f" return cls({', '.join(f'{spec.name}={spec.name}' for spec in specs)})")
-    names: dict[str, Any] = {"cls": cls, "isfinite": isfinite, "mend": _mend}
+        found = f"[{spec.name!r}]" if spec.required else f".get({spec.name!r}, d_{spec.name})"
+        lines.append(f"  {spec.name} = values{found}")
+    lines += [
+        " except KeyError as error:",
+        "  missing(error)",
+        f" if not ({_quick_check(specs)}):",
+        f"  {every}, = mend(({every},))",
+        f" return cls({_arguments(specs, cls)})",
+    ]
+    names: dict[str, Any] = {
+        "cls": cls,
+        "isfinite": isfinite,
+        "unpack_map": unpack_map,
+        "mend": lambda values: _mend_all(values, specs, cls),
+        "missing": lambda error: _missing(error, cls),
+    }
     for spec in specs:
-        names[f"spec_{spec.name}"] = spec
         if not spec.required:
-            names[f"default_{spec.name}"] = cls.__dataclass_fields__[spec.name].default
-    unpacker: Callable[[dict[str, Any]], Message] = _define("\n".join(lines), names)
+            names[f"d_{spec.name}"] = cls.__dataclass_fields__[spec.name].default
+    unpacker: Callable[[bytes], Message] = _define("\n".join(lines), names)
     _unpackers[cls] = unpacker
     return unpacker
+
+
+def _arguments(specs: Sequence[FieldSpec], cls: type[Message]) -> str:
+    """By place where that is possible: the shortest way into a message."""
+    by_name = {spec.name for spec in specs if cls.__dataclass_fields__[spec.name].kw_only}
+    places = [spec.name for spec in specs if spec.name not in by_name]
+    return ", ".join([*places, *(f"{name}={name}" for name in sorted(by_name))])
+
+
+def _missing(error: KeyError, cls: type[Message]) -> NoReturn:
+    text = f"{cls.__name__}: field {error.args[0]!r} is missing"
+    raise DecodeError("missing field", text) from None
 
 
 def _define(source: str, names: dict[str, Any]) -> Any:
@@ -160,20 +177,34 @@ def _define(source: str, names: dict[str, Any]) -> Any:
     return names["made"]
 
 
-def _quick_check(spec: FieldSpec) -> str:
-    """Expression that is true for a value that needs no second look."""
-    name, kind = spec.name, spec.kind
-    if kind in (int, bool, str):
-        return f"type({name}) is {kind.__name__}"
-    if kind is float:
-        return f"type({name}) is float and isfinite({name})"
-    if spec.length is not None:
-        parts = [f"{name}[{i}]" for i in range(spec.length)]
-        types = " is ".join(f"type({part})" for part in parts)
-        finite = " and ".join(f"isfinite({part})" for part in parts)
-        size = f"type({name}) is tuple and len({name}) == {spec.length}"
-        return f"{size} and {types} is float and {finite}"
-    return "False"  # maps and arrays of open length always take the slow way
+def _quick_check(specs: Sequence[FieldSpec]) -> str:
+    """Expression that is true for values that need no second look.
+
+    A sum is finite only if all its parts are; one that overflows is looked at again.
+    """
+    checks, numbers = [], []
+    for spec in specs:
+        name, kind = spec.name, spec.kind
+        if kind in (int, bool, str, float):
+            checks.append(f"type({name}) is {kind.__name__}")
+            numbers += [name] if kind is float else []
+        elif spec.length is not None:
+            parts = [f"{name}[{i}]" for i in range(spec.length)]
+            types = " is ".join(f"type({part})" for part in parts)
+            checks.append(f"type({name}) is tuple and len({name}) == {spec.length}")
+            checks.append(f"{types} is float")
+            numbers += parts
+        else:
+            checks.append(f"{name} == ()")  # maps and arrays of open length, unless empty
+    if numbers:
+        checks.append(f"isfinite({' + '.join(numbers)})")
+    return " and ".join(checks)
+
+
+def _mend_all(
+    values: Sequence[Any], specs: Sequence[FieldSpec], cls: type[Message]
+) -> tuple[Any, ...]:
+    return tuple(_mend(value, spec, cls) for value, spec in zip(values, specs, strict=True))
 
 
 def _mend(value: Any, spec: FieldSpec, cls: type[Message]) -> Any:

@@ -6,16 +6,19 @@ in proto/README.md) is derived from this one definition.
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields
 from typing import (
     Annotated,
     Any,
+    NoReturn,
     TypeVar,
     dataclass_transform,
     get_args,
     get_origin,
     get_type_hints,
 )
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +30,13 @@ class Unit:
     parts: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def _layout(cls: type[T]) -> type[T]:
+    """Fields, slots, comparison and text of a dataclass; neither a constructor nor a lock."""
+    return dataclass(slots=True, unsafe_hash=True, init=False)(cls)
+
+
+@_layout
 class Message:
     """What every sample says first: when it was measured, and its number on its key."""
 
@@ -58,13 +67,63 @@ MESSAGES: dict[str, type[Message]] = {}
 M = TypeVar("M", bound=Message)
 
 
-@dataclass_transform(frozen_default=True)
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def message(cls: type[M]) -> type[M]:
     """Make `cls` a message: frozen, slotted, and listed in MESSAGES."""
-    made: type[M] = dataclass(frozen=True, slots=True)(cls)
+    made = _frozen(_layout(cls))
     field_specs(made)
     MESSAGES[made.__name__] = made
     return made
+
+
+def _frozen(layout: type[M]) -> type[M]:
+    """A class of the same layout whose instances do not change once they are made.
+
+    While one is being made it belongs to the open class below: a frozen dataclass goes the long
+    way round for each field, and samples are made some thousand times a second.
+    """
+    items = fields(layout)
+    names: dict[str, Any] = {"layout": layout, "become": object.__setattr__}
+    words: dict[bool, list[str]] = {True: [], False: []}  # by keyword only, or not
+    for item in items:
+        default = "" if item.default is MISSING else f"=d_{item.name}"
+        words[item.kw_only is True].append(item.name + default)
+        names[f"d_{item.name}"] = item.default
+    lines = [
+        f"def made(self, {', '.join([*words[False], '*', *words[True]])}):",
+        " become(self, '__class__', layout)",
+        *(f" self.{item.name} = {item.name}" for item in items),
+        " self.__class__ = frozen",
+    ]
+    exec("\n".join(lines), names)  # noqa: S102 - our own field names, as dataclasses does
+    frozen: type[M] = type(
+        layout.__name__,
+        (layout,),
+        {
+            "__doc__": layout.__doc__,
+            "__module__": layout.__module__,
+            "__qualname__": layout.__qualname__,
+            "__slots__": (),
+            "__init__": names["made"],
+            "__setattr__": _refuse,
+            "__delattr__": _refuse,
+            "__reduce__": _reduce,
+        },
+    )
+    names["frozen"] = frozen
+    return frozen
+
+
+def _refuse(self: Message, name: str, *_value: object) -> NoReturn:
+    raise FrozenInstanceError(f"{type(self).__name__} is not changed once it is made: {name}")
+
+
+def _reduce(self: Message) -> tuple[Any, ...]:
+    return _remake, (type(self), {item.name: getattr(self, item.name) for item in fields(self)})
+
+
+def _remake(cls: type[Message], values: dict[str, Any]) -> Message:
+    return cls(**values)
 
 
 def field_specs(cls: type[Message]) -> tuple[FieldSpec, ...]:

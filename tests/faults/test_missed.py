@@ -64,7 +64,8 @@ class Life:
         self.inlets[key].take(pack(message), "sensors")
 
     def store(self) -> None:
-        self.keepsake.store({key: inlet.newest for key, inlet in self.inlets.items()})
+        marks = {key: inlet.newest for key, inlet in self.inlets.items()}
+        self.keepsake.store(self.keepsake.look(marks))
 
 
 def uninterrupted(samples: list[tuple[str, Message]], folder: Path, method: str) -> Life:
