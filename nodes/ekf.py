@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-from lodeline.ekf import Estimate, Localizer, LocalizerParams, LocalizerState
+from lodeline.ekf import Estimate, Localizer, LocalizerParams, LocalizerState, sightings
 from lodeline.node import Input, Node, Output
-from lodeline_msgs import AttitudeEstimate, MagnetDetection, Odometry, PoseEstimate
+from lodeline_msgs import (
+    AttitudeEstimate,
+    LandmarkDetection,
+    MagnetDetection,
+    Odometry,
+    PoseEstimate,
+    PositionFix,
+)
 
 
 class EkfNode(Node[LocalizerParams]):
-    """`odom` and `magnets` in; a `pose` out for each odometry, and at once for a magnet.
+    """`odom` in; a `pose` out for each, and at once for what corrects it: as far as connected,
+    `magnets` in the floor, `landmarks` of the map, a measured `position`.
 
-    `attitude`, where it is connected, tells how the robot turns even if a wheel slips.
+    `attitude` tells how the robot turns even if a wheel slips.
     """
 
     State = LocalizerState
     odom = Input(Odometry, queue=64, max_age=0.5)
     magnets = Input(MagnetDetection, queue=64, max_age=0.5)
     attitude = Input(AttitudeEstimate, queue=64, max_age=0.5)
+    landmarks = Input(LandmarkDetection, queue=64, max_age=0.5)
+    position = Input(PositionFix, queue=64, max_age=0.5)
     pose = Output(PoseEstimate)
 
     def setup(self) -> None:
@@ -41,6 +51,21 @@ class EkfNode(Node[LocalizerParams]):
         """A reading newer than the odometry waits for it; one without magnets tells no pose."""
         estimate = self.localizer.magnets(detection.stamp, detection.lateral)
         self._send(estimate if detection.lateral else None)
+
+    @landmarks.handler
+    def on_landmarks(self, seen: LandmarkDetection) -> None:
+        try:
+            marks = sightings(
+                seen.x, seen.y, seen.range, seen.range_std, seen.bearing, seen.bearing_std
+            )
+        except ValueError:
+            self.context.reject("malformed")
+            return
+        self._send(self.localizer.landmarks(seen.stamp, marks))
+
+    @position.handler
+    def on_position(self, fix: PositionFix) -> None:
+        self._send(self.localizer.position(fix.stamp, fix.x, fix.y, fix.std))
 
     @attitude.handler
     def on_attitude(self, attitude: AttitudeEstimate) -> None:

@@ -109,7 +109,7 @@ def _floor(pipeline: Pipeline | None) -> dict[str, Any]:
     known = [spec.params for spec in specs if isinstance(spec.params, LocalizerParams)]
     params = known[0] if known else LocalizerParams()
     return {
-        "pitch": params.lattice_pitch,
+        "pitch": params.cell,
         "origin": list(params.lattice_origin),
         "bar_x": params.bar_x,
         "gate": params.gate,

@@ -15,15 +15,15 @@ from lodeline.ekf.belief import Belief
 from lodeline.ekf.estimate import Estimate
 from lodeline.ekf.localizer import Localizer
 from lodeline.ekf.params import LocalizerParams
-from lodeline.ekf.samples import Fix, Sighting
+from lodeline.ekf.samples import Sighting, sightings
 from lodeline.ekf.state import LocalizerState
 
 __all__ = [
     "Belief",
     "Estimate",
-    "Fix",
     "Localizer",
     "LocalizerParams",
     "LocalizerState",
     "Sighting",
+    "sightings",
 ]

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Literal, NamedTuple, TypeVar
 
-from lodeline.ekf.samples import Hits, Landmarks, Motion, Sample, Spin
+from lodeline.ekf.samples import Fix, Hits, Landmarks, Measurement, Motion, Sample, Spin
 
 B = TypeVar("B")
 
 
-KINDS = (Motion, Hits, Spin, Landmarks)  # in the order that they take at one stamp
+KINDS = (Motion, Hits, Spin, Landmarks, Fix)  # in the order that they take at one stamp
 
 
 class Mark(NamedTuple, Generic[B]):
@@ -36,7 +36,7 @@ class Node(Generic[B]):
 Verdict = Literal["used", "waiting", "late", "duplicate", "full"]
 Advance = Callable[[B, Motion, Motion, float, float], B]
 """belief, motion before, motion after, begin and end of the part taken (fractions of the way)."""
-Observe = Callable[[B, Hits | Spin | Landmarks], B]
+Observe = Callable[[B, Measurement], B]
 
 
 class History(Generic[B]):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from lodeline.ekf.belief import Belief
 from lodeline.ekf.engine import Engine, Row
 from lodeline.ekf.mixture import Hypothesis, reduced
-from lodeline.ekf.samples import Fix, Landmark
+from lodeline.ekf.samples import Fix, Sighting
 from lodeline.ekf.track import Track
 from lodeline.ekf.trust import RECENT
 from lodeline.rotation import wrap_angle
@@ -30,7 +30,7 @@ class Number(NamedTuple):
     variance: float
 
 
-def sighted(engine: Engine, track: Track, landmark: Landmark) -> Track:
+def sighted(engine: Engine, track: Track, landmark: Sighting | Fix) -> Track:
     """After one landmark: it weighs the hypotheses and corrects those that it fits."""
     children, fits, nis = [], False, math.inf
     for weight, belief in track.mixture:
@@ -51,7 +51,7 @@ def sighted(engine: Engine, track: Track, landmark: Landmark) -> Track:
     return replace(track, trust=replace(trust, streak=0)).widened(*MISSED_SIGMA)
 
 
-def numbers(belief: Belief, landmark: Landmark) -> list[Number]:
+def numbers(belief: Belief, landmark: Sighting | Fix) -> list[Number]:
     """What a landmark says, linearised at the belief's mean."""
     if isinstance(landmark, Fix):
         variance = landmark.sigma**2

@@ -5,7 +5,7 @@ import math
 from lodeline.ekf.estimate import Estimate
 from lodeline.ekf.history import History, Mark, Verdict
 from lodeline.ekf.params import LocalizerParams
-from lodeline.ekf.samples import Fix, Hits, Landmark, Landmarks, Motion, Spin
+from lodeline.ekf.samples import Fix, Hits, Landmarks, Motion, Sighting, Spin
 from lodeline.ekf.state import LocalizerState, Unused
 from lodeline.ekf.track import Track
 from lodeline.ekf.tracker import Tracker
@@ -79,7 +79,7 @@ class Localizer:
             return None
         return self._answer(self._history.add(Hits(stamp_ns, tuple(laterals))))
 
-    def landmarks(self, stamp_ns: int, seen: tuple[Landmark, ...]) -> Estimate | None:
+    def landmarks(self, stamp_ns: int, seen: tuple[Sighting, ...]) -> Estimate | None:
         """Takes what was measured to known points at one moment.
 
         None: nothing changed yet, or a number was not finite, a sigma not positive, a sighting
@@ -89,6 +89,16 @@ class Localizer:
             self.refused += 1
             return None
         return self._answer(self._history.add(Landmarks(stamp_ns, tuple(seen))))
+
+    def position(self, stamp_ns: int, x: float, y: float, sigma: float) -> Estimate | None:
+        """Takes a measured position of `base_link` in `map` and its deviation per axis [m].
+
+        None: nothing changed yet, or a number was not finite, or `sigma` not positive.
+        """
+        if not (_sane(x, y, sigma) and sigma > SHARPEST):
+            self.refused += 1
+            return None
+        return self._answer(self._history.add(Fix(stamp_ns, x, y, sigma)))
 
     def attitude(
         self,
@@ -191,10 +201,8 @@ def _sane(*values: float) -> bool:
     return all(abs(value) <= ABSURD for value in values)  # False for NaN
 
 
-def _measured(landmark: Landmark) -> bool:
+def _measured(landmark: Sighting) -> bool:
     """True for a landmark that makes sense."""
-    if isinstance(landmark, Fix):
-        return _sane(*landmark) and landmark.sigma > SHARPEST
     values = [each for each in landmark if each is not None]
     return (
         _sane(*values)

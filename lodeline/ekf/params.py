@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from lodeline.ekf.engine import EngineName
 
+NO_MAGNETS = 1e6  # m
+
 
 @dataclass(frozen=True, slots=True)
 class LocalizerParams:
@@ -14,8 +16,9 @@ class LocalizerParams:
     `process_noise: input` is P <- A P A^T + B Q B^T with the odometry's own covariance;
     `alpha` is the lab's other form, + Q_alpha = diag(a^2, a^2, b^2) per odometry step.
     `magnet_model: plain` takes every closed reed as a magnet under the bar, as the lab does;
-    `edges` makes use of when a reed closes and opens (see `sightings`). A magnet holds its reed
-    closed over `passage`; the ends of it scatter by `edge_sigma`, the offset by `lateral_sigma`.
+    `edges` makes use of when a reed closes and opens (see `reeds`), `none` is for a floor without
+    magnets. A magnet holds its reed closed over `passage`; the ends of it scatter by `edge_sigma`,
+    the offset by `lateral_sigma`.
     `association: mixture` follows every magnet that may be meant, `nearest` takes the nearest, as
     the lab does. `gate` is on the squared Mahalanobis distance (9.21: 99 % of chi-square, 2
     degrees of freedom); after `widen_after` rejections among the last eight the doubt grows by
@@ -38,7 +41,7 @@ class LocalizerParams:
     bar_x: Annotated[float, "m"] = 0.080
     process_noise: Literal["input", "alpha"] = "input"
     alpha_sigma: Annotated[tuple[float, float], "m, rad"] = (0.002, 0.02)
-    magnet_model: Literal["plain", "edges"] = "edges"
+    magnet_model: Literal["plain", "edges", "none"] = "edges"
     association: Literal["mixture", "nearest"] = "mixture"
     passage: Annotated[float, "m"] = 0.0165
     edge_sigma: Annotated[float, "m"] = 0.003
@@ -73,6 +76,11 @@ class LocalizerParams:
             raise ValueError(f"sure must be a probability of at least 0.5, not {self.sure}")
         if self.bar_error >= 0.5 * self.lattice_pitch:
             raise ValueError("passage and lateral_sigma must be small against lattice_pitch")
+
+    @property
+    def cell(self) -> float:
+        """Pitch of the lattice [m]; without magnets they are so far apart that none matters."""
+        return NO_MAGNETS if self.magnet_model == "none" else self.lattice_pitch
 
     @property
     def bar_error(self) -> float:

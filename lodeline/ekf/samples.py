@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+Floats = tuple[float, ...]
+
 
 class Motion(NamedTuple):
     """An odometry sample: pose in `odom` [m, rad] and covariance of the twist over `interval`."""
@@ -49,22 +51,43 @@ class Sighting(NamedTuple):
     bearing_sigma: float = 1.0
 
 
+class Landmarks(NamedTuple):
+    """Landmarks seen at one moment."""
+
+    stamp_ns: int
+    seen: tuple[Sighting, ...]
+
+
 class Fix(NamedTuple):
     """A measured position of `base_link` in the map, with its standard deviation per axis [m]."""
 
+    stamp_ns: int
     x: float
     y: float
     sigma: float
 
 
-Landmark = Sighting | Fix
+Measurement = Hits | Spin | Landmarks | Fix
+Sample = Motion | Measurement
 
 
-class Landmarks(NamedTuple):
-    """Landmarks measured at one moment."""
+def sightings(
+    x: Floats,
+    y: Floats,
+    ranges: Floats,
+    range_sigmas: Floats,
+    bearings: Floats,
+    bearing_sigmas: Floats,
+) -> tuple[Sighting, ...]:
+    """Sightings of the landmarks at (x, y) [m]: part i of each array is of landmark i.
 
-    stamp_ns: int
-    seen: tuple[Landmark, ...]
-
-
-Sample = Motion | Hits | Spin | Landmarks
+    Ranges [m] or bearings [rad] are empty where they were not measured. ValueError if the arrays
+    do not belong together.
+    """
+    count = len(x)
+    ways, turns = (ranges, range_sigmas), (bearings, bearing_sigmas)
+    if len(y) != count or any({len(a), len(b)} not in ({count}, {0}) for a, b in (ways, turns)):
+        raise ValueError(f"{count} landmarks, but not as many of everything that is said of them")
+    none = (None,) * count, (1.0,) * count
+    seen = zip(x, y, *(ways if ranges else none), *(turns if bearings else none), strict=True)
+    return tuple(Sighting(*each) for each in seen)

@@ -9,7 +9,7 @@ from lodeline.ekf.landmarks import sighted
 from lodeline.ekf.mixture import Hypothesis, certainty, spread
 from lodeline.ekf.mover import Mover
 from lodeline.ekf.params import LocalizerParams
-from lodeline.ekf.samples import Hits, Landmarks, Spin
+from lodeline.ekf.samples import Fix, Hits, Measurement, Spin
 from lodeline.ekf.track import Track
 from lodeline.magnets.lattice import Lattice
 
@@ -22,7 +22,7 @@ class Tracker:
     def __init__(self, params: LocalizerParams) -> None:
         self._params = params
         self._engine = engine = make_engine(params.engine)
-        lattice = Lattice(params.lattice_pitch, *params.lattice_origin)
+        lattice = Lattice(params.cell, *params.lattice_origin)
         self._association = Association(
             engine, lattice, params.bar_x, params.gate, params.bar_error
         )
@@ -36,13 +36,15 @@ class Tracker:
         belief = certain(*params.initial_pose).widened(*params.initial_sigma)
         return Track((Hypothesis(1.0, belief),))
 
-    def observe(self, track: Track, sample: Hits | Spin | Landmarks) -> Track:
+    def observe(self, track: Track, sample: Measurement) -> Track:
         """After a sample that is no motion."""
+        if isinstance(sample, Hits) and self._params.magnet_model == "none":
+            return track
         if isinstance(sample, Hits):
             return self._bar.read(track, sample)
         if isinstance(sample, Spin):
             return self._inertial.read(track, sample)
-        for landmark in sample.seen:
+        for landmark in (sample,) if isinstance(sample, Fix) else sample.seen:
             track = sighted(self._engine, track, landmark)
         return track
 
@@ -60,7 +62,7 @@ class Tracker:
         belief, sure = track.belief, 1.0
         if track.torn:
             belief = spread(track.mixture)
-            sure = certainty(track.mixture, self._params.lattice_pitch)
+            sure = certainty(track.mixture, self._params.cell)
         if track.trust.alarms:
             return belief.widened(*MOVED_SIGMA), 0.0, True
         return belief, sure, wide or sure < self._params.sure

@@ -16,7 +16,6 @@ import pytest
 from lodeline.ekf import Localizer, LocalizerParams, Sighting
 
 DATA = Path(os.environ.get("LODELINE_DATA", "/nowhere"))
-NO_LATTICE = 1e3
 Event = tuple[float, int, tuple[float, ...]]  # time [s], 0 odometry (ds, dtheta, dt) or 1 sighting
 
 
@@ -129,9 +128,7 @@ def _pose_at(truth: list[list[float]], t: float) -> tuple[float, float, float]:
 def test_a_robot_among_landmarks_that_a_camera_sees(robot: int, limit: float) -> None:
     """50 m in 15 min; odometry alone ends 4 to 5 m off."""
     events, truth, pose = mrclam(robot)
-    params = LocalizerParams(
-        initial_pose=pose, initial_sigma=(0.05, 0.05), lattice_pitch=NO_LATTICE
-    )
+    params = LocalizerParams(initial_pose=pose, initial_sigma=(0.05, 0.05), magnet_model="none")
     figure, worst, refused = rms(events, truth, params, (0.03, 0.05), 0.2, math.radians(6))
     print(f"robot {robot}: rms {figure:.3f} m, worst {worst:.2f} m, {refused} refused")
     assert figure <= limit
@@ -174,7 +171,7 @@ def test_a_lawn_mower_among_four_beacons() -> None:
     params = LocalizerParams(
         initial_pose=(rows[0][1], rows[0][2], rows[0][3]),
         initial_sigma=(0.1, 0.02),
-        lattice_pitch=NO_LATTICE,
+        magnet_model="none",
     )
     figure, worst, refused = rms(events, truth, params, (0.05, 0.005), 0.5, 1.0)
     print(f"rms {figure:.3f} m, worst {worst:.2f} m, {refused} of {len(ranges)} refused")
@@ -207,7 +204,7 @@ def test_a_small_robot_among_radio_anchors() -> None:
     params = LocalizerParams(
         initial_pose=(points[0][1], points[0][2], 3.002),
         initial_sigma=(0.05, 0.1),
-        lattice_pitch=NO_LATTICE,
+        magnet_model="none",
     )
     figure, worst, refused = rms(events, truth, params, (0.02, 0.05), 0.10, 1.0)
     print(f"rms {figure:.3f} m, worst {worst:.2f} m, {refused} refused")

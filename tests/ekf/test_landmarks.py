@@ -5,16 +5,15 @@ from random import Random
 
 import pytest
 
-from lodeline.ekf import Belief, Estimate, Fix, Localizer, LocalizerParams, Sighting
+from lodeline.ekf import Belief, Estimate, Localizer, LocalizerParams, Sighting
 from lodeline.ekf.belief import certain
 from lodeline.ekf.engine import EngineName
 from lodeline.ekf.landmarks import numbers, weighed
-from lodeline.ekf.samples import Landmark
+from lodeline.ekf.samples import Fix
 
 MS = 1_000_000
 NOISE = (1e-3, 0.0, 0.0, 1e-2)
 STILL = (0.0, 0.0, 0.0, 0.0)
-NO_LATTICE = 1e3  # m: magnets so far apart that there are none
 BEACONS = ((0.0, 3.0), (4.0, -1.0), (-2.0, -2.0))
 
 
@@ -31,7 +30,7 @@ def seen_from(x: float, y: float, yaw: float, mark: tuple[float, float]) -> tupl
 
 @pytest.mark.parametrize("pose", [(0.3, -0.2, 0.7), (-1.0, 2.0, -3.0)])
 def test_the_rows_are_the_differences_of_the_measurements(pose: tuple[float, float, float]) -> None:
-    landmarks: list[Landmark] = [Sighting(2.0, 1.0, 2.0, 0.1, 0.3, 0.1), Fix(0.5, 0.5, 0.1)]
+    landmarks = (Sighting(2.0, 1.0, 2.0, 0.1, 0.3, 0.1), Fix(0, 0.5, 0.5, 0.1))
     h = 1e-6
     for landmark in landmarks:
         for i in range(3):
@@ -59,12 +58,12 @@ def test_two_numbers_are_weighed_with_their_correlation() -> None:
     assert likelihood == pytest.approx(share * math.exp(-0.5 * nis))
 
 
-def landmark(kind: str, drive: tuple[float, float, float], rng: Random) -> Landmark:
+def landmark(kind: str, drive: tuple[float, float, float], rng: Random) -> Sighting | Fix:
     mark = rng.choice(BEACONS)
     distance, bearing = seen_from(*drive, mark)
     distance, bearing = distance + rng.gauss(0, 0.05), bearing + rng.gauss(0, 0.05)
     if kind == "fix":
-        return Fix(drive[0] + rng.gauss(0, 0.05), drive[1] + rng.gauss(0, 0.05), 0.05)
+        return Fix(0, drive[0] + rng.gauss(0, 0.05), drive[1] + rng.gauss(0, 0.05), 0.05)
     if kind == "range":
         return Sighting(*mark, distance, 0.05)
     if kind == "bearing":
@@ -72,14 +71,19 @@ def landmark(kind: str, drive: tuple[float, float, float], rng: Random) -> Landm
     return Sighting(*mark, distance, 0.05, bearing, 0.05)
 
 
+def tell(localizer: Localizer, stamp: int, what: Sighting | Fix) -> None:
+    if isinstance(what, Fix):
+        localizer.position(stamp, what.x, what.y, what.sigma)
+    else:
+        localizer.landmarks(stamp, (what,))
+
+
 @pytest.mark.parametrize("engine", ["scalar", "filterpy"])
 @pytest.mark.parametrize("kind", ["range", "bearing", "both", "fix"])
 def test_each_kind_of_landmark_keeps_the_robot_where_it_is(kind: str, engine: EngineName) -> None:
     """30 s of circles with noisy odometry, which alone ends more than 0.1 m off."""
     rng = Random(6)
-    params = LocalizerParams(
-        engine=engine, initial_sigma=(0.05, 0.1), lattice_pitch=NO_LATTICE, passage=0.01
-    )
+    params = LocalizerParams(engine=engine, initial_sigma=(0.05, 0.1), magnet_model="none")
     localizer = Localizer(params)
     x = y = yaw = ox = oy = oyaw = 0.0
     squares, nees = [], []
@@ -92,7 +96,7 @@ def test_each_kind_of_landmark_keeps_the_robot_where_it_is(kind: str, engine: En
         noise = (0.003**2 / 0.05**2, 0.0, 0.0, 0.01**2 / 0.05**2)
         localizer.odometry(i * 50 * MS, ox, oy, oyaw, noise, 0.05, 0)
         if i % 4 == 0:
-            localizer.landmarks(i * 50 * MS, (landmark(kind, (x, y, yaw), rng),))
+            tell(localizer, i * 50 * MS, landmark(kind, (x, y, yaw), rng))
         estimate = of(localizer)
         assert not estimate.ambiguous
         if i > 100:
@@ -122,7 +126,7 @@ def test_landmarks_are_not_rejected_for_ever() -> None:
     localizer = Localizer(LocalizerParams(initial_sigma=(0.01, 0.01)))
     for i in range(60):
         localizer.odometry(i * 50 * MS, 0.0, 0.0, 0.0, STILL, 0.05, 0)
-        localizer.landmarks(i * 50 * MS, (Fix(1.0, 0.5, 0.05),))
+        localizer.position(i * 50 * MS, 1.0, 0.5, 0.05)
     assert math.hypot(of(localizer).x - 1.0, of(localizer).y - 0.5) < 0.05
 
 
@@ -134,7 +138,7 @@ def test_one_landmark_tells_which_magnet_it_was() -> None:
     localizer.magnets(0, (0.0,))
     assert of(localizer).ambiguous
     localizer.odometry(50 * MS, 0.0, 0.0, 0.0, STILL, 0.05, 0)
-    localizer.landmarks(50 * MS, (Fix(0.030, 0.0, 0.010),))
+    localizer.position(50 * MS, 0.030, 0.0, 0.010)
     found = of(localizer)
     assert not found.ambiguous
     assert found.x == pytest.approx(0.030, abs=0.006)  # the neighbour: one pitch ahead
@@ -160,19 +164,19 @@ def test_landmarks_give_a_robot_that_was_moved_its_trust_back() -> None:
 
 def test_landmarks_in_any_order_give_the_same_state() -> None:
     rng = Random(3)
-    samples: list[tuple[int, Landmark | float]] = []
+    samples: list[tuple[int, Sighting | Fix | float]] = []
     for i in range(18):
         samples.append((i * 40 * MS, 0.01 * i))
         both = landmark("both", (0.01 * i, 0.0, 0.0), rng)
         samples.append((i * 40 * MS + rng.randrange(-15, 15) * MS, both))
 
-    def fed(order: list[tuple[int, Landmark | float]]) -> Estimate:
-        localizer = Localizer(LocalizerParams(lattice_pitch=NO_LATTICE))
+    def fed(order: list[tuple[int, Sighting | Fix | float]]) -> Estimate:
+        localizer = Localizer(LocalizerParams(magnet_model="none"))
         for stamp, what in order:
             if isinstance(what, float):
                 localizer.odometry(stamp, what, 0.0, 0.0, NOISE, 0.04, 0)
             else:
-                localizer.landmarks(stamp, (what,))
+                tell(localizer, stamp, what)
         return of(localizer)
 
     # the first odometry starts the run: what came before it tells nothing
@@ -189,16 +193,16 @@ def test_landmarks_in_any_order_give_the_same_state() -> None:
 def test_landmarks_that_make_no_sense_are_refused(bad: float) -> None:
     localizer = Localizer(LocalizerParams())
     localizer.odometry(0, 0.0, 0.0, 0.0, STILL, 0.0, 0)
-    wrong: list[Landmark] = [
+    wrong = [
         Sighting(bad, 0.0, 1.0, 0.1),
         Sighting(0.0, 0.0, bad, 0.1),
         Sighting(0.0, 0.0, 1.0, bad),
         Sighting(0.0, 0.0, 1.0, 0.1, bad, 0.1),
         Sighting(0.0, 0.0, None, 0.1),
         Sighting(0.0, 0.0, 1.0, 0.0),
-        Fix(0.0, bad, 0.1),
-        Fix(0.0, 0.0, -0.1),
     ]
     for each in wrong:
         assert localizer.landmarks(0, (each,)) is None
-    assert localizer.refused == len(wrong)
+    assert localizer.position(0, 0.0, bad, 0.1) is None
+    assert localizer.position(0, 0.0, 0.0, -0.1) is None
+    assert localizer.refused == len(wrong) + 2

@@ -10,6 +10,7 @@ import msgpack
 import pytest
 
 from lodeline.graph import Graph
+from lodeline.keepsake import rebuilt
 from lodeline.loading import load_node, shipped
 from lodeline.recording.magnet_lab import messages, read_rows
 from lodeline_msgs import MagnetDetection, Message, Odometry, PoseEstimate, ReedBar, WheelTicks
@@ -101,7 +102,7 @@ def restarted(nodes: dict[str, Any]) -> dict[str, Any]:
         state = old.save()
         if state is not None:
             values = msgpack.unpackb(msgpack.packb(asdict(state)), use_list=False)
-            made[name].resume(type(old).State(**values))
+            made[name].resume(rebuilt(values, type(old).State))
     return made
 
 

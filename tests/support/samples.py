@@ -5,12 +5,14 @@ from pathlib import Path
 from lodeline_msgs import (
     AttitudeEstimate,
     Imu,
+    LandmarkDetection,
     MagnetDetection,
     MagneticField,
     Message,
     NodeStatus,
     Odometry,
     PoseEstimate,
+    PositionFix,
     ReedBar,
     Twist,
     WheelTicks,
@@ -35,6 +37,8 @@ SAMPLES: tuple[Message, ...] = (
     ),
     PoseEstimate(STAMP, 0.055, 0.11, -1.57, COVARIANCE, 1.2, 3, True, seq=8),
     Twist(STAMP, 0.1, -0.2, seq=9),
+    LandmarkDetection(STAMP, (1.5, -2.0), (0.5, 3.0), (1.25, 4.0), (0.05, 0.1), (), (), seq=11),
+    PositionFix(STAMP, 0.75, -1.5, 0.1, seq=12),
     NodeStatus(
         stamp=STAMP,
         node="ekf",
