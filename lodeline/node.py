@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import sys
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, get_args, get_origin, overload
 
 from lodeline_msgs import Message
+
+MOST_LATENESS = 4096
+"""Ticks whose lateness is kept, until the next report takes them."""
 
 M = TypeVar("M", bound=Message)
 P = TypeVar("P")
@@ -94,6 +97,7 @@ class Context:
 
     `state` is `running`, `degraded` (usable, less accurate) or `fault` (not usable). `monotonic`
     [s] is for simulated devices, which live in a time of their own; nothing else needs a clock.
+    `lateness` [s] is how late its last ticks began.
     """
 
     name: str = "node"
@@ -102,6 +106,7 @@ class Context:
     state: str = "running"
     last_error: str = ""
     rejected: Counter[str] = field(default_factory=Counter)
+    lateness: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_LATENESS))
 
     @property
     def sim_socket(self) -> Path:

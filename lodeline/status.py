@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -157,6 +157,7 @@ class StatusReporter:
             cpu=cpu,
             rss=_resident_bytes(),
             last_error="; ".join(map(str, found)) or context.last_error or "".join(errors[:1]),
+            jitter=_drained(context.lateness),
         )
 
     def _complaints(self, name: str, now: float) -> list[Complaint]:
@@ -192,6 +193,12 @@ class StatusReporter:
 
 def _quantile(values: list[float], part: float) -> float:
     return values[min(len(values) - 1, int(part * len(values)))]
+
+
+def _drained(lateness: deque[float]) -> float:
+    """The 99th percentile of what is in it; it is empty then."""
+    values = sorted(lateness.popleft() for _ in range(len(lateness)))
+    return _quantile(values, 0.99) if values else 0.0
 
 
 def _cpu_seconds() -> float:

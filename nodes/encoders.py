@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from lodeline.devices import STATES, Encoders, EncodersParams, EncodersState, Pace
+from lodeline.devices import STATES, Encoders, EncodersParams, EncodersState
 from lodeline.i2c import open_bus
 from lodeline.node import Driver, Output
 from lodeline.stamps import seconds
@@ -29,7 +29,6 @@ class EncodersDriver(Driver[EncodersNodeParams]):
 
     def setup(self) -> None:
         bus = open_bus(self.params.bus, self.context.sim_socket)
-        self.pace = Pace(self.params.rate)
         self.encoders = Encoders(bus, self.params.encoders)
 
     def save(self) -> EncodersState | None:
@@ -39,8 +38,6 @@ class EncodersDriver(Driver[EncodersNodeParams]):
         self.encoders.resume(state)
 
     def tick(self, stamp: int) -> None:
-        if self.pace.late(seconds(stamp)):
-            self.context.reject("late tick")
         counts = self.encoders.read(seconds(stamp))
         if counts is not None:
             self.wheels.send(WheelTicks(stamp, *counts))

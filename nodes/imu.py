@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from lodeline.devices import STATES, CompassParams, ImuBoard, MpuParams, Pace, check_rate
+from lodeline.devices import STATES, CompassParams, ImuBoard, MpuParams, check_rate
 from lodeline.i2c import open_bus
 from lodeline.node import Driver, Output
-from lodeline.stamps import seconds
 from lodeline_msgs import Imu, MagneticField
 
 
@@ -35,11 +34,8 @@ class ImuDriver(Driver[ImuParams]):
         p = self.params
         bus = open_bus(p.bus, self.context.sim_socket)
         self.board = ImuBoard(bus, self.context.monotonic, p.imu, p.magnetometer)
-        self.pace = Pace(p.rate)
 
     def tick(self, stamp: int) -> None:
-        if self.pace.late(seconds(stamp)):
-            self.context.reject("late tick")
         readings, magnetic_field = self.board.read(stamp)
         for taken, reading in readings:
             self.data_raw.send(Imu(taken, reading.angular_velocity, reading.linear_acceleration))

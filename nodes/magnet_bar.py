@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from lodeline.devices import STATES, Pace, ReedBarParams
+from lodeline.devices import STATES, ReedBarParams
 from lodeline.devices import ReedBar as Bar
 from lodeline.i2c import open_bus
 from lodeline.node import Driver, Output
@@ -29,12 +29,9 @@ class MagnetBarDriver(Driver[MagnetBarParams]):
 
     def setup(self) -> None:
         bus = open_bus(self.params.bus, self.context.sim_socket)
-        self.pace = Pace(self.params.rate)
         self.bar = Bar(bus, self.params.bar)
 
     def tick(self, stamp: int) -> None:
-        if self.pace.late(seconds(stamp)):
-            self.context.reject("late tick")
         closed = self.bar.read(seconds(stamp))
         if closed is not None:
             self.reeds.send(ReedBar(stamp, closed))

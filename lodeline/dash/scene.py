@@ -148,5 +148,6 @@ def status_of(status: NodeStatus, prefix: str, age: float) -> dict[str, Any]:
         "cpu": brief(status.cpu),
         "rss": status.rss,
         "last_error": status.last_error,
+        "jitter": brief(status.jitter),
         "age": brief(age),
     }

@@ -7,7 +7,6 @@ from lodeline.devices.link import STATES, DeviceError, Health
 from lodeline.devices.mpu import ImuReading, Mpu
 from lodeline.devices.mpu_fifo import MpuFifo, check_rate
 from lodeline.devices.mpu_models import MpuParams
-from lodeline.devices.pace import Pace
 from lodeline.devices.reed_bar import ReedBar, ReedBarParams
 
 __all__ = [
@@ -25,7 +24,6 @@ __all__ = [
     "Mpu",
     "MpuFifo",
     "MpuParams",
-    "Pace",
     "ReedBar",
     "ReedBarParams",
     "check_rate",

@@ -14,7 +14,7 @@ Row = dict[str, Any]
 
 HEADINGS = (
     *("NODE", "HOST", "STATE", "HZ OUT", "AGE IN P50", "P99", "LOST", "LATE", "REJ"),
-    *("CPU", "RSS", "RESTARTS", "LAST ERROR"),
+    *("JITTER", "CPU", "RSS", "RESTARTS", "LAST ERROR"),
 )
 RIGHT = HEADINGS[3:-1]
 _COUNTERS = ("lost", "late", "rejected")
@@ -46,6 +46,7 @@ def health(
                 "lost": sum(status.lost.values()) if status else None,
                 "late": sum(status.late.values()) if status else None,
                 "rejected": sum(status.rejected.values()) if status else None,
+                "jitter": status.jitter if status else None,
                 "cpu": status.cpu if status else None,
                 "rss": status.rss if status else None,
                 "restarts": process.get("restarts", status.restarts if status else None),
@@ -82,6 +83,7 @@ def health_table(rows: Iterable[Row]) -> str:
             milliseconds(row["age_p50"]),
             milliseconds(row["age_p99"]),
             *("-" if row[name] is None else str(row[name]) for name in _COUNTERS),
+            milliseconds(row["jitter"] or None),
             "-" if row["cpu"] is None else f"{row['cpu']:.1%}",
             "-" if row["rss"] is None else f"{row['rss'] / 2**20:.0f} MB",
             "-" if row["restarts"] is None else str(row["restarts"]),

@@ -31,3 +31,4 @@ class NodeStatus(Message):
     cpu: Annotated[float, Unit("1", "part of one core, whole process")]
     rss: Annotated[int, Unit("B", "resident memory of its process")]
     last_error: Annotated[str, Unit("", "what went wrong last, empty if nothing did")]
+    jitter: Annotated[float, Unit("s", "99th percentile of how late a driver's ticks began")] = 0.0

@@ -78,6 +78,20 @@ def test_a_slow_tick_is_followed_by_counted_misses_not_by_a_burst() -> None:
     assert sum(gap < 0.002 for gap in gaps) <= 2, "a burst of late ticks"
 
 
+def test_ticks_that_begin_late_are_counted_and_how_late_they_were_is_known() -> None:
+    driver = Counting(Params(rate=50.0))
+    driver.wanted = 20
+    pauses = iter([0.0] * 5 + [0.028] + [0.0] * 5 + [0.028])
+    driver.do = lambda: time.sleep(next(pauses, 0.0))
+    ticker = started(driver)
+    assert driver.enough.wait(10.0)
+    ticker.stop()
+    late = sorted(driver.context.lateness)
+    assert driver.context.rejected["late tick"] >= 2
+    assert sum(each > 0.007 for each in late) >= 2, "8 ms after two ticks of 28 ms"
+    assert late[0] < 0.002
+
+
 def test_an_exception_in_a_tick_is_counted_and_the_next_tick_comes() -> None:
     driver = Counting(Params(rate=200.0))
     driver.wanted = 10

@@ -109,6 +109,7 @@ export class Detail {
       ...fact("Restarts", process?.restarts ?? said?.restarts),
       ...fact("Last exit", process?.last_exit),
       ...fact("CPU, memory", said && `${percent(said.cpu)}, ${fixed(said.rss / MB, 0)} MB`),
+      ...fact("Ticks late by", said?.jitter && `${fixed(1000 * said.jitter, 2)} ms (99 %)`),
       ...fact("Scheduling", [process?.scheduling, process?.refused].filter(Boolean).join("; ")),
       ...fact("Last error", said?.last_error));
     const parts = [facts];
