@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
+STEP_NS = 1_000_000_000
+
 
 class Clock(Protocol):
     """Time now in ns since the UNIX epoch, and a word with each sample that comes in."""
@@ -45,6 +47,21 @@ class RecordingClock:
 
     def saw(self, stamp: int) -> None:
         self._newest = max(self._newest, stamp)
+
+
+class StepWatch:
+    """Notices when the wall clock is stepped against the monotonic one."""
+
+    def __init__(self, epoch_offset: int) -> None:
+        self._offset = epoch_offset
+
+    def look(self) -> float:
+        """Seconds that it was stepped by since the last look, 0.0 for less than one."""
+        step = epoch_offset() - self._offset
+        if abs(step) < STEP_NS:
+            return 0.0
+        self._offset += step
+        return step * 1e-9
 
 
 def epoch_offset() -> int:

@@ -94,7 +94,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
     from contextlib import nullcontext
 
     from lodeline.bus import Gateway, Hub, several_threads
-    from lodeline.clock import HostClock, epoch_offset
+    from lodeline.clock import HostClock, StepWatch, epoch_offset
     from lodeline.hosts.links import Link, LinkError, check_listen, link_of, shown
     from lodeline.hosts.neighbours import Neighbours
     from lodeline.hosts.offset import NodeTime
@@ -153,6 +153,13 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
 
             service = Notifier()  # whoever started us, if it is systemd
 
+            wall = StepWatch(own)
+
+            def on_beat() -> None:
+                service.send("WATCHDOG=1")
+                if step := wall.look():
+                    console.event(f"CLOCK_STEP {step:+.0f} s: stamps keep to the time of the start")
+
             with several_threads() if link.ends else nullcontext():
                 hub = Hub(run.path)
             gateways = [Gateway(run.path, link)] if link.ends else []
@@ -176,7 +183,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                     console,
                     [marker_of(run.path)],
                     on_release=on_release,
-                    on_beat=lambda: service.send("WATCHDOG=1"),
+                    on_beat=on_beat,
                 )
 
                 def on_offset(other: str, offset: Offset) -> None:
