@@ -22,13 +22,18 @@ CONNECT_TIMEOUT = 10.0  # s to wait for the simulator's socket to appear
 SETTLE = 0.05  # s between two looks for the socket
 I2C_TIMEOUT = 0x0702  # in units of 10 ms
 ADAPTER_TIMEOUT = 5  # 50 ms, so that a hanging bus does not hold the work loop
+ENABLE = "sudo raspi-config nonint do_i2c 0 && sudo modprobe i2c-dev"
+
+
+class BusError(OSError):
+    """A bus that cannot be opened; `strerror` says why not, and what to do."""
 
 
 class Descriptors(Protocol):
     """Where a bus gets its file descriptors from."""
 
     def open(self) -> int:
-        """Return a new one; OSError with a sentence that says what to do."""
+        """Return a new one; BusError if there is none."""
 
     def close(self, fd: int) -> None:
         """Give one back."""
@@ -48,16 +53,17 @@ class DeviceFile:
             fd = os.open(path, os.O_RDWR)
         except FileNotFoundError as error:
             there = ", ".join(sorted(map(str, Path("/dev").glob("i2c-*")))) or "none"
-            text = f"no {path} (there is: {there}) - enable I2C: raspi-config, or modprobe i2c-dev"
-            raise FileNotFoundError(errno.ENOENT, text) from error
+            raise BusError(errno.ENOENT, f"no {path} (there is: {there}) - {ENABLE}") from error
         except PermissionError as error:
-            text = f"no rights on {path} - join its group: sudo usermod -aG i2c $USER, log in again"
-            raise PermissionError(errno.EACCES, text) from error
+            text = f"no rights on {path} - sudo usermod -aG i2c $USER, then log out and in"
+            raise BusError(errno.EACCES, text) from error
+        except OSError as error:
+            raise BusError(error.errno, f"{path} cannot be opened: {error.strerror}") from error
         try:
             fcntl.ioctl(fd, I2C_TIMEOUT, ADAPTER_TIMEOUT)
         except OSError as error:
             os.close(fd)
-            raise OSError(error.errno, f"{path} is not an I2C bus") from error
+            raise BusError(error.errno, f"{path} is not an I2C bus") from error
         return fd
 
     def close(self, fd: int) -> None:
@@ -68,14 +74,18 @@ class DeviceFile:
 class Bus(SMBus):
     """An smbus2.SMBus that can be opened again in place. One thread per Bus, as in smbus2."""
 
-    def __init__(self, where: int | str, descriptors: Descriptors | None = None) -> None:
+    def __init__(
+        self, where: int | str, descriptors: Descriptors | None = None, *, later: bool = False
+    ) -> None:
+        """Open it: BusError if it cannot be, unless `later` leaves that to `reopen`."""
         super().__init__()
         self.where = where
         self._descriptors = descriptors if descriptors is not None else DeviceFile(where)
-        self.reopen()
+        if not later:
+            self.reopen()
 
     def reopen(self) -> None:
-        """Open the same bus again, as after an adapter was unplugged; OSError if it cannot be.
+        """Open the same bus again, as after an adapter was unplugged; BusError if it cannot be.
 
         The older descriptor is given up only once the new one works.
         """
@@ -102,13 +112,14 @@ class Bus(SMBus):
 def open_bus(
     bus: int | str, sim_socket: Path | None = None, timeout: float = CONNECT_TIMEOUT
 ) -> Bus:
-    """Open I2C bus number `bus`, or the simulator's bus behind `sim_socket` if `bus` is "sim".
+    """Return I2C bus number `bus`, or the simulator's bus behind `sim_socket` if `bus` is "sim".
 
-    A simulator that is not there yet is awaited for `timeout` seconds. Raises OSError with a
-    sentence that says what to do, ValueError if "sim" comes without a socket.
+    A device file need not be there yet: it is opened by the first driver's link, which tries again
+    and says why it cannot. A simulator is awaited for `timeout` seconds, then OSError says what to
+    do; ValueError if "sim" comes without a socket.
     """
     if bus != "sim":
-        return Bus(bus)
+        return Bus(bus, later=True)
     if sim_socket is None:
         raise ValueError('bus "sim" needs the path of the simulator\'s socket')
     # only a simulated bus needs these

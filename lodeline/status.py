@@ -136,7 +136,9 @@ class StatusReporter:
             rates[key], bandwidths[key] = outlet.drain(elapsed)
         found = self._complaints(name, now)
         self.complaints += found
-        errors = [inlet.last_error for inlet in inlets if inlet.last_error]
+        # what it says of itself is why nothing comes out of it
+        own = [context.last_error] if context.state != "running" and context.last_error else []
+        first = next((inlet.last_error for inlet in inlets if inlet.last_error), "")
         return NodeStatus(
             stamp=stamp,
             seq=self._seq,
@@ -156,7 +158,7 @@ class StatusReporter:
             restarts=self._launch.restarts,
             cpu=cpu,
             rss=_resident_bytes(),
-            last_error="; ".join(map(str, found)) or context.last_error or "".join(errors[:1]),
+            last_error="; ".join([*own, *map(str, found)]) or context.last_error or first,
             jitter=_drained(context.lateness),
         )
 

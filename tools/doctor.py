@@ -81,10 +81,10 @@ def _topics(topic: str | None) -> tuple[str, ...]:
 
 
 def _open(where: int | str) -> Bus:
-    from lodeline.i2c import open_bus, open_model
+    from lodeline.i2c import Bus, open_model
 
     if where != "sim":
-        return open_bus(where)
+        return Bus(where)
     from lodeline.sim.params import RobotParams
     from lodeline.sim.robot import SimulatedRobot
 

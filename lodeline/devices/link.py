@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
-from lodeline.i2c import Bus
+from lodeline.i2c import Bus, BusError
 
 Result = TypeVar("Result")
 
@@ -68,7 +68,7 @@ class Link:
         self._stage = 0
         self._was_up = False
         self._sought = 0
-        self._reopen = False
+        self._reopen = bus.fd is None
         self._failures = 0
         self._next_s = float("-inf")
         self._pause = RETRY_FIRST
@@ -159,6 +159,8 @@ class Link:
         self.health.state = "ok"
 
     def _gone(self, error: OSError) -> str:
+        if isinstance(error, BusError):
+            return f"I2C_BUS {self._name}: {error.strerror}"
         bus = f"bus {self._bus.where}"
         if error.errno == errno.ETIMEDOUT:
             return f"I2C_HANG {self._name}: {bus} does not come free - power-cycle the sensor"

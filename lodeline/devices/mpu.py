@@ -73,6 +73,8 @@ class Mpu:
         ranges, bandwidth = (params.gyro_range, params.accel_range), BANDWIDTHS[params.dlpf]
         self.guard = Guard(name, self.link.health, ranges, bandwidth, params.sample_rate)
         with contextlib.suppress(OSError):  # read() brings it up once it answers
+            if bus.fd is None:
+                bus.reopen()
             self._identify()
 
     @property
@@ -167,9 +169,9 @@ class Mpu:
         if self.params.chip == "auto":
             wanted = ", ".join(sorted({f"0x{model.identity:02x}" for model in MODELS.values()}))
         where = f"at 0x{self.params.address:02x}"
-        raise DeviceError(
-            f"IMU_ID {self.name}: got 0x{got:02x} ({what}), expected {wanted} {where}"
-        )
+        fix = "take `chip: auto`, or another board" if alike else "another chip, or a bad contact"
+        text = f"got 0x{got:02x} ({what}), expected {wanted} {where}"
+        raise DeviceError(f"IMU_ID {self.name}: {text} - {fix}")
 
     def _reset(self) -> float:
         self._identify()

@@ -13,7 +13,7 @@ from smbus2 import I2cFunc
 from lodeline.doctor.chips import HELD, scan
 from lodeline.doctor.report import Report, meaning
 from lodeline.doctor.wiring import Expected
-from lodeline.i2c import Bus
+from lodeline.i2c import ENABLE, Bus
 
 FAST = 400_000  # Hz
 SLOW_FIX = "add dtparam=i2c_arm_baudrate=400000 to /boot/firmware/config.txt, and boot"
@@ -28,9 +28,9 @@ def check_file(report: Report, bus: int | str, folder: Path = Path("/dev")) -> b
     path = folder / f"i2c-{bus}" if isinstance(bus, int) else Path(bus)
     if not path.exists():
         there = ", ".join(sorted(str(file) for file in folder.glob("i2c-*"))) or "none"
-        fix = "sudo raspi-config nonint do_i2c 0 && sudo modprobe i2c-dev"
-        if there != "none":
-            fix = f"name one that is there: --bus {there.rpartition('-')[2]}"
+        fix = ENABLE
+        if there != "none":  # on a Raspberry Pi those of its screens are always there
+            fix += f"; or is it another one that is there: --bus {there.rpartition('-')[2]}?"
         report.add("device file", "FAIL", f"no {path} (there is: {there})", fix)
         return False
     report.add("device file", "ok", str(path))

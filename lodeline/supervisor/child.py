@@ -34,7 +34,9 @@ OVER = ("done", "failed", "stopped")
 
 NEAR = 0.8
 """Of the memory that a process may take: at this part of it a word is said."""
-EX_USAGE, EX_OSERR, EX_CONFIG = 64, 71, 78
+EX_USAGE, EX_DEVICE, EX_OSERR, EX_CONFIG = 64, 69, 71, 78
+DEVICE_WAIT_S = 2.0
+"""A wrong chip is not the right one a moment later."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,6 +253,8 @@ class Child:
         ready_for = 0.0 if self._ready_at is None else now - self._ready_at
         permanent = code in (EX_USAGE, EX_CONFIG)
         delay = None if permanent else self._backoff.after_exit(now, ready_for)
+        if delay is not None and code == EX_DEVICE:
+            delay = max(delay, DEVICE_WAIT_S)
         if delay is None:
             why = "not started again" if permanent else f"given up after start {self.restarts + 1}"
             self._event(f"NODE_FAILED {name}: {self.last_exit}, {why}", self._tail)

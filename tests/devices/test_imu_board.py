@@ -7,7 +7,9 @@ from math import cos, sin
 
 import pytest
 
-from lodeline.devices import ImuBoard, ImuReading, MpuParams
+from lodeline.devices import Encoders, ImuBoard, ImuReading, MpuParams
+from lodeline.i2c import open_bus
+from lodeline.sim.adapter import SimulatedFile
 from tests.devices.rig import MakeRig, Rig
 
 CLEAN = {
@@ -116,3 +118,29 @@ def test_a_dead_magnetometer_leaves_the_gyro_usable(rig: MakeRig) -> None:
     bench.fail = lambda address: 0
     bench.run(1.0, 200.0, taken(board))
     assert board.health.state == "ok"
+
+
+def test_a_bus_that_is_not_there_yet_is_named_once_and_used_as_soon_as_it_is(
+    rig: MakeRig,
+) -> None:
+    """As before `raspi-config`, or while an adapter on USB is unplugged."""
+    bench = rig()
+    bus = open_bus(97)
+    board, wheels = ImuBoard(bus, bench.clock), Encoders(bus)
+
+    def read(now: float) -> int:
+        wheels.read(now)
+        return len(board.read(round(now * 1e9))[0])
+
+    assert sum(got for _, got in bench.run(2.0, 100.0, read)) == 0
+    for health in (board.health, wheels.health):
+        assert health.state == "fault"
+        assert "no /dev/i2c-97 (there is: " in health.message
+        assert health.message.startswith("I2C_BUS ")
+    assert board.health.events == 1, "said once"
+    there = SimulatedFile(bench)
+    bus._descriptors = there
+    got = bench.run(1.0, 100.0, read)
+    assert next(now for now, count in got if count) - got[0][0] <= 0.75
+    assert (board.health.state, wheels.health.state) == ("ok", "ok")
+    bus.close()

@@ -7,11 +7,11 @@ import sys
 import time
 
 from lodeline.devices import Encoders, ImuBoard, MpuParams, ReedBar
-from lodeline.i2c import open_bus
+from lodeline.i2c import Bus
 
 
 def main(fifo: bool) -> None:
-    bus = open_bus(9)
+    bus = Bus(9)
     board = ImuBoard(bus, time.monotonic, MpuParams(fifo=fifo))
     encoders, bar = Encoders(bus), ReedBar(bus)
     samples: list[tuple[int, tuple[float, float, float]]] = []

@@ -13,7 +13,7 @@ import pytest
 import smbus2
 from smbus2 import I2cFunc, SMBus, i2c_msg
 
-from lodeline.i2c import Bus, open_bus, open_model
+from lodeline.i2c import Bus, BusError, open_model
 from lodeline.sim.bus import BusModel
 from lodeline.sim.chips.registers import RegisterChip
 
@@ -195,7 +195,7 @@ def test_a_real_bus_gets_a_short_timeout_and_can_be_opened_again(
 
     monkeypatch.setattr(fcntl, "ioctl", kernel)
     monkeypatch.setattr(smbus2.smbus2, "ioctl", kernel)
-    bus = open_bus(os.devnull)
+    bus = Bus(os.devnull)
     assert calls[0] == (bus.fd, 0x0702, 5), "50 ms in units of 10 ms, before anything else"
     bus.write_byte(0x20, 1)
     bus.reopen()
@@ -206,8 +206,8 @@ def test_a_real_bus_gets_a_short_timeout_and_can_be_opened_again(
 
 
 def test_a_missing_bus_says_how_to_enable_it() -> None:
-    with pytest.raises(FileNotFoundError, match=r"no /dev/i2c-97 .*modprobe i2c-dev"):
-        open_bus(97)
+    with pytest.raises(BusError, match=r"no /dev/i2c-97 .*modprobe i2c-dev"):
+        Bus(97)
 
 
 def test_a_forbidden_bus_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -215,14 +215,14 @@ def test_a_forbidden_bus_names_the_group(monkeypatch: pytest.MonkeyPatch) -> Non
         raise PermissionError(errno.EACCES, "Permission denied", path)
 
     monkeypatch.setattr(os, "open", refuse)
-    with pytest.raises(PermissionError, match=r"/dev/i2c-1 .*usermod -aG i2c"):
-        open_bus(1)
+    with pytest.raises(BusError, match=r"/dev/i2c-1 .*usermod -aG i2c"):
+        Bus(1)
 
 
 def test_a_device_that_is_no_bus_is_named() -> None:
     before = len(list(Path("/proc/self/fd").iterdir()))
     with pytest.raises(OSError, match="/dev/null is not an I2C bus"):
-        open_bus("/dev/null")
+        Bus("/dev/null")
     assert len(list(Path("/proc/self/fd").iterdir())) == before
 
 

@@ -108,6 +108,11 @@ def test_bad_configuration_is_not_tried_again(supervise: Start, code: int) -> No
     assert up.starts("bad") == 1
 
 
+def test_a_driver_that_met_the_wrong_device_looks_again_after_two_seconds(supervise: Start) -> None:
+    up = supervise(("imu", "exit-69", {"restart": "always"}), ("sink", "good"))
+    up.wait("lodeline", "NODE_EXIT imu: exit 69, restart 1 in 2.0 s")
+
+
 def test_a_required_node_that_failed_ends_all_with_code_5(supervise: Start) -> None:
     up = supervise(("source", "good"), ("ekf", "exit-78", {"required": True}))
     assert up.end() == 5
