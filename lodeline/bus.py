@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 # One runtime thread in place of nine: a quarter less latency and CPU per hop. Safe because
 # nothing of ours blocks it: every subscriber reads from a ring in a thread of its own.
@@ -25,7 +25,8 @@ os.environ.setdefault(
 
 import zenoh
 
-from lodeline.hosts.links import Link
+if TYPE_CHECKING:  # links drag much in that no node needs
+    from lodeline.hosts.links import Link
 
 _RUNTIME = "ZENOH_RUNTIME"
 HUB_SOCKET = "hub.sock"

@@ -9,9 +9,12 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from lodeline.pipeline.model import Edge, NodeSpec, Pipeline
+from lodeline.pipeline.edge import Edge
+
+if TYPE_CHECKING:  # only who launches knows the whole pipeline
+    from lodeline.pipeline.model import NodeSpec, Pipeline
 
 VARIABLE = "LODELINE_LAUNCH"
 

@@ -12,7 +12,6 @@ import os
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -124,6 +123,8 @@ class NodeProcess:
         return taker
 
     def _handler_failed(self, name: str, message: Message, error: Exception) -> None:
+        import traceback
+
         text = "".join(traceback.format_exception(error)).rstrip()
         print(f"EXCEPTION {name}: {error!r} at {message}\n{text}", file=sys.stderr, flush=True)
         if self.graph.failing[name] >= MAX_FAILURES:
@@ -131,6 +132,8 @@ class NodeProcess:
             self._give_up(name, f"{MAX_FAILURES} exceptions in a row")
 
     def _ticking_failed(self, node: Node[Any], error: BaseException, in_a_row: int) -> None:
+        import traceback
+
         traceback.print_exception(error, file=sys.stderr)
         if isinstance(error, SystemExit) or in_a_row >= MAX_FAILURES:
             self._give_up(node.context.name, str(error), getattr(error, "code", EX_SOFTWARE))
@@ -253,8 +256,7 @@ def main(types: Mapping[str, type[Node[Any]]] | None = None) -> None:
     process = NodeProcess(
         launch, types or {item.name: load_node(Path(item.run)) for item in launch.nodes}
     )
-    gc.collect()
-    gc.freeze()
+    gc.freeze()  # what is there now stays: never look through it again
     code = process.run()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -14,8 +14,9 @@ from lodeline.node import Driver, Input, Node
 from lodeline.params import guess, nearest
 from lodeline.pipeline.document import Item, is_file, parse, read_file
 from lodeline.pipeline.draft import Draft, DraftNode, Wire, read_draft
+from lodeline.pipeline.edge import Edge
 from lodeline.pipeline.faults import Fault, PipelineError, Place
-from lodeline.pipeline.model import Edge, NodeSpec, Pipeline
+from lodeline.pipeline.model import NodeSpec, Pipeline
 from lodeline.pipeline.programs import build_params, load_program
 from lodeline.pipeline.wiring import check_wiring
 from lodeline_msgs import Message

@@ -8,19 +8,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from lodeline.node import Driver, Node
+from lodeline.pipeline.edge import Edge
 from lodeline_msgs import Message
 
 Restart = Literal["always", "limited", "never"]
 Clock = Literal["host", "recording"]
-
-
-@dataclass(frozen=True, slots=True)
-class Edge:
-    """An input port's line to a key: how many samples may wait, and how old they may be [s]."""
-
-    key: str
-    queue: int
-    max_age: float | None
 
 
 @dataclass(frozen=True, slots=True)

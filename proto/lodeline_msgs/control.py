@@ -1,7 +1,5 @@
 """Messages that command the robot."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from lodeline_msgs.definition import Message, Unit, message

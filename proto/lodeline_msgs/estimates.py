@@ -1,7 +1,5 @@
 """Messages that estimators send, and the simulator's truth in the same words."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from lodeline_msgs.definition import Message, Unit, message

@@ -1,7 +1,5 @@
 """Messages that sensors send, and their calibrated forms."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from lodeline_msgs.definition import Message, Unit, message

@@ -1,7 +1,5 @@
 """The message in which a node reports on itself, once a second."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from lodeline_msgs.definition import Message, Unit, message

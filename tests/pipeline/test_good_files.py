@@ -10,8 +10,9 @@ import pytest
 
 from lodeline.launch import Launch, launch_of
 from lodeline.loading import shipped
+from lodeline.pipeline.edge import Edge
 from lodeline.pipeline.load import PipelineError, find, load
-from lodeline.pipeline.model import Edge, Host
+from lodeline.pipeline.model import Host
 from lodeline_msgs import Twist, WheelTicks
 
 Write = Callable[[str], Path]

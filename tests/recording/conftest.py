@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from lodeline.loading import load_node, shipped
-from lodeline.pipeline.model import Edge, NodeSpec, Pipeline
+from lodeline.pipeline.edge import Edge
+from lodeline.pipeline.model import NodeSpec, Pipeline
 
 TURN = 360 / (2 * math.pi * 0.0215)  # counts per metre of a wheel's way
 REACH = 0.0085  # a magnet closes a reed within this
