@@ -137,7 +137,7 @@ def test_scuttle_has_its_constants_and_its_traps(tmp_path: Path) -> None:
 
 def test_beego_has_its_constants_and_not_those_of_the_exercise(tmp_path: Path) -> None:
     params = params_of("beego", tmp_path)
-    for node in ("odometry", "counters"):
+    for node in ("odometry", "motors"):
         values = [params[node][key] for key in ("wheel_radius", "track", "ticks_per_turn", "gear")]
         assert values == [0.0406, 0.2765, 2048, 54.0699]
     assert (params["odometry"]["left_sign"], params["odometry"]["right_sign"]) == (1, 1)
@@ -151,22 +151,25 @@ def test_the_magnet_lab_has_its_constants(tmp_path: Path) -> None:
     assert params["magnet_bar"]["bar"] == {"chip": "pcf8574", "address": 0x20, "inverted": False}
 
 
-def test_on_a_robot_three_lines_change(written: Path, tmp_path: Path) -> None:
-    lines = written.read_text().splitlines()
-    begin = next(i for i, line in enumerate(lines) if line.startswith("  simulator:"))
-    end = next(i for i, line in enumerate(lines) if i > begin and not line.strip())
-    real = [line.replace("bus: sim", "bus: 1") for line in lines[:begin] + lines[end:]]
-    counters = written.with_name("counters.py")
-    external = real.index("  cmd_vel: Twist")
-    if counters.exists():  # their own program, which here still listens to the simulated truth
-        (tmp_path / counters.name).write_text(counters.read_text())
-        real.insert(external + 1, "  truth: Odometry")
+def test_on_a_robot_a_few_lines_change(written: Path, tmp_path: Path) -> None:
+    blocks = written.read_text().split("\n\n")
+    real = [block for block in blocks if not block.startswith(("  simulator:", "  motors:"))]
+    real[-len(real) :] = [_nodes_first(block) for block in real]
+    text = "\n\n".join(real).replace("bus: sim", "bus: 1").replace("port: sim", "port: /dev/tty9")
+    for program in written.parent.glob("*.py"):
+        (tmp_path / program.name).write_text(program.read_text())
     file = tmp_path / "pipeline.yaml"
-    file.write_text("\n".join(real))
+    file.write_text(text)
     pipeline = load(file)
+    assert not {"simulator", "motors"} & {spec.name for spec in pipeline.nodes}
     buses = [spec.params.bus for spec in pipeline.nodes if hasattr(spec.params, "bus")]
-    assert buses
-    assert set(buses) == {1}
+    ports = [spec.params.port for spec in pipeline.nodes if hasattr(spec.params, "port")]
+    assert (set(buses), ports) == ({1}, ["/dev/tty9"] if pipeline.name == "beego" else [])
+
+
+def _nodes_first(block: str) -> str:
+    """`nodes:` stands in one block with the simulator."""
+    return "nodes:" if block.startswith("nodes:") else block
 
 
 def test_what_is_there_is_not_overwritten(
