@@ -10,20 +10,13 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Annotated, Any, ClassVar
 
-from lodeline.attitude.base import (
-    FAINTEST_FIELD,
-    UNKNOWN_HEADING,
-    Attitude,
-    AttitudeParams,
-    check_sample,
-    north_yaw,
-    tilt_of,
-)
+from lodeline.attitude.base import AttitudeParams
+from lodeline.attitude.fix import FAINTEST_FIELD, north_yaw, tilt_of
+from lodeline.attitude.strength import StrengthState, StrengthWatcher
 from lodeline.calibration.minmax import MinMax
 from lodeline.rotation import IDENTITY, Quaternion, Vector, from_euler, multiply, rotate
 
 COMPASS_STD = 0.06  # [rad] one heading in a calm field
-DISTURBANCE = 0.15  # relative deviation of the horizontal strength that is no longer noise
 
 Pair = tuple[float, float]
 
@@ -51,78 +44,56 @@ class CompassParams(AttitudeParams):
 
 
 @dataclass(slots=True)
-class CompassState:
-    """Everything between two samples."""
+class CompassState(StrengthState):
+    """Everything between two samples; strength is that of the horizontal part."""
 
     tilt: Quaternion = IDENTITY
     yaw: float = 0.0
-    usual: float = 0.0  # horizontal strength of the first field, 0 before it
-    strength: float = 0.0  # of the last one
 
 
-class TiltCompass(Attitude):
+class TiltCompass(StrengthWatcher):
     """Roll and pitch by accelerometer, yaw by the magnetometer in the levelled axes."""
 
     Params: ClassVar[type[Any]] = TiltCompassParams
-    flat: ClassVar[bool] = False
     State = CompassState
     params: AttitudeParams
     _state: CompassState
 
-    def update(
-        self,
-        dt: float,
-        angular_velocity: Vector,
-        linear_acceleration: Vector,
-        magnetic_field: Vector | None = None,
-    ) -> None:
-        """Take in one sample; see `Attitude.update`."""
-        check_sample(dt, angular_velocity, linear_acceleration, magnetic_field)
-        if not self.flat:
-            self._state.tilt = tilt_of(linear_acceleration)
-        if magnetic_field is not None:
-            self._look(self._horizontal(magnetic_field))
+    def _start(self, rate: Vector, force: Vector) -> None:
+        self._step(0.0, rate, force)
+
+    def _step(self, dt: float, rate: Vector, force: Vector) -> None:  # noqa: ARG002
+        self._state.tilt = tilt_of(force)
 
     def _horizontal(self, field: Vector) -> Vector | None:
+        """The field in level axes, None where it points nowhere."""
         level = rotate(self._state.tilt, field)
         return level if hypot(level[0], level[1]) > FAINTEST_FIELD else None
 
-    def _look(self, level: Vector | None) -> None:
+    def _look(self, field: Vector) -> None:
+        level = self._horizontal(field)
         if level is None:
             return
         s = self._state
         s.yaw = north_yaw(level, self.params.declination)
         s.strength = hypot(level[0], level[1])
         s.usual = s.usual or s.strength
+        s.field_wait, s.heading_variance = 0.0, COMPASS_STD * COMPASS_STD
 
     @property
     def orientation(self) -> Quaternion:
         """Body to world (x, y, z, w)."""
         return multiply(from_euler(0.0, 0.0, self._state.yaw), self._state.tilt)
 
-    @property
-    def gyro_bias(self) -> Vector:
-        """Zero: the gyro is not looked at."""
-        return (0.0, 0.0, 0.0)
-
-    @property
-    def heading_std(self) -> float:
-        """Standard deviation of yaw [rad] in a calm field."""
-        return COMPASS_STD if self._state.usual > 0.0 else UNKNOWN_HEADING
-
-    @property
-    def disturbed(self) -> bool:
-        """True while the horizontal strength is more than 15 % off the first one."""
-        s = self._state
-        return abs(s.strength - s.usual) > DISTURBANCE * s.usual
-
 
 class Compass(TiltCompass):
     """A flat robot: roll and pitch are zero, yaw comes from body x and y of the field."""
 
     Params: ClassVar[type[Any]] = CompassParams
-    flat = True
     params: CompassParams
+
+    def _step(self, dt: float, rate: Vector, force: Vector) -> None:
+        """Nothing to learn from gyro and accelerometer."""
 
     def _horizontal(self, field: Vector) -> Vector | None:
         p = self.params

@@ -1,9 +1,8 @@
 """Method `dcm`: the direction cosine matrix with PI correction and a tilt-compensated compass.
 
 Source: Herman et al., "Implementation of Direction Cosine Matrix on a PSoC-5 Microcontroller for
-Robot Localization on Inclined Terrains"; equation numbers below are that paper's. It works in FRD
-axes with a heading clockwise from north. Here everything is FLU and ENU, where gravity as measured
-points along +z at rest; see `yaw_from_heading` for the only place where headings are turned over.
+Robot Localization on Inclined Terrains"; equation numbers are that paper's. Gravity as measured
+points along +z at rest.
 
 Where the print is wrong, the line follows the mathematics: (7) is a cross product; (9), missing, is
 R (I + [w dt]x), and (19) is the same; (13)-(15) are scalar times row; (16) with measured gravity
@@ -12,20 +11,14 @@ not from zero. The gains that the paper inherits are Pololu's for the MinIMU-9.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, pi, sin, sqrt
+from math import atan2, cos, hypot, sin, sqrt
 from typing import Annotated, Literal, NamedTuple
 
-from lodeline.attitude.base import (
-    FAINTEST_FIELD,
-    GRAVITY,
-    HOLE,
-    UNKNOWN_HEADING,
-    Attitude,
-    AttitudeParams,
-    aged_variance,
-    check_sample,
-    tilt_of,
-)
+from lodeline.attitude.base import GRAVITY, AttitudeParams
+from lodeline.attitude.cosines import tilt_compensated_yaw, turned_matrix
+from lodeline.attitude.doubt import HOLE, aged_variance
+from lodeline.attitude.fix import FAINTEST_FIELD, tilt_of
+from lodeline.attitude.strength import StrengthState, StrengthWatcher
 from lodeline.rotation import (
     IDENTITY,
     Matrix,
@@ -33,10 +26,8 @@ from lodeline.rotation import (
     Vector,
     compose,
     from_matrix,
-    from_rotation_vector,
     matrix_from_euler,
     to_matrix,
-    wrap_angle,
 )
 
 
@@ -60,10 +51,9 @@ GAINS = {
 FIELD_TIME = 60.0  # [s] over which the usual field strength is learned
 COMPASS_STD = 0.05  # [rad] error of a compass heading in a calm field
 DRIFT = 0.002  # [rad/s] heading drift that the integral part has not found yet
-DISTURBANCE = 0.15  # relative deviation of the field that is no longer noise or tilt
 LARGEST_BIAS = 1.0  # [rad/s] no gyro is as bad; keeps the integral from winding up without end
 LARGEST_FORCE = 20.0  # [g] beyond any sensor; clipping lower would bend the mean of shaking
-LONGEST_STEP = 0.1  # [s]
+LONGEST_STEP = 0.1  # [s] a P part held over a gap would overshoot
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,46 +64,17 @@ class DcmParams(AttitudeParams):
 
 
 @dataclass(slots=True)
-class DcmState:
+class DcmState(StrengthState):
     """Everything between two samples."""
 
-    rows: tuple[Vector, Vector, Vector] | None = None  # R, body to world
+    rows: Matrix | None = None  # R, body to world
     integral: Vector = (0.0, 0.0, 0.0)  # I part of the correction [rad/s], body axes
-    proportional: Vector = (0.0, 0.0, 0.0)  # P part of the correction [rad/s], body axes
+    force: Vector = (0.0, 0.0, 0.0)  # the last sample of the accelerometer [m/s^2]
     compass: float | None = None  # yaw by compass [rad], held
-    field_norm: float = 0.0  # usual strength [T]
-    field_wait: float = 0.0  # since the last compass heading [s]
     field_weight: float = 0.0
-    disturbed: bool = False
-    heading_variance: float = UNKNOWN_HEADING * UNKNOWN_HEADING
 
 
-def yaw_from_heading(heading: float) -> float:
-    """Yaw [rad] (from east, counter-clockwise) of a heading [rad] (from north, clockwise)."""
-    return wrap_angle(0.5 * pi - heading)
-
-
-def flu_from_frd(v: Vector) -> Vector:
-    """A vector given in forward-right-down axes, in forward-left-up axes (and the reverse)."""
-    return (v[0], -v[1], -v[2])
-
-
-def tilt_compensated_yaw(rows: Matrix, field: Vector, declination: float) -> float:
-    """Yaw [rad] by compass on a slope, from roll and pitch of the matrix and the field in FLU."""
-    r31, r32, r33 = rows[2]  # (5): sin pitch = -r31, tan roll = r32 / r33
-    cos_pitch = sqrt(r32 * r32 + r33 * r33)
-    if cos_pitch > 0.0:
-        sin_roll, cos_roll = r32 / cos_pitch, r33 / cos_pitch
-    else:
-        sin_roll, cos_roll = 0.0, 1.0
-    mx, my, mz = field
-    # Both lines read the same in FRD and FLU: m.y, m.z and pitch change sign together.
-    mag_x = mx * cos_pitch - my * sin_roll * r31 - mz * cos_roll * r31  # (20)
-    mag_y = my * cos_roll - mz * sin_roll  # (21)
-    return wrap_angle(0.5 * pi - declination - atan2(mag_y, mag_x))
-
-
-class Dcm(Attitude):
+class Dcm(StrengthWatcher):
     """The paper's method; see the caption of this module."""
 
     Params = DcmParams
@@ -122,77 +83,49 @@ class Dcm(Attitude):
     params: DcmParams
     _state: DcmState
 
-    def update(
-        self,
-        dt: float,
-        angular_velocity: Vector,
-        linear_acceleration: Vector,
-        magnetic_field: Vector | None = None,
-    ) -> None:
-        """Take in one sample; see `Attitude.update`."""
-        check_sample(dt, angular_velocity, linear_acceleration, magnetic_field)
-        s = self._state
-        gains = GAINS[self.params.gains]
-        s.field_wait += dt
-        if dt > HOLE:  # the body may have turned unseen: gravity and north anew
-            s.rows = s.compass = None
-            s.heading_variance = aged_variance(s.heading_variance, dt, DRIFT)
-        if s.rows is None:
-            rows = to_matrix(tilt_of(linear_acceleration))
+    def _start(self, rate: Vector, force: Vector) -> None:  # noqa: ARG002
+        self._state.rows, self._state.force = to_matrix(tilt_of(force)), force
+
+    def _step(self, dt: float, rate: Vector, force: Vector) -> None:
+        s, gains = self._state, GAINS[self.params.gains]
+        s.heading_variance = aged_variance(s.heading_variance, dt, DRIFT)
+        if s.rows is None or dt > HOLE:  # the body may have turned unseen: gravity and north anew
+            s.rows, s.compass = to_matrix(tilt_of(force)), None
         else:
-            rows = _turned(s, s.rows, angular_velocity, dt, gains.largest_turn)
-            s.heading_variance = aged_variance(s.heading_variance, dt, DRIFT)
-        if magnetic_field is not None and hypot(*magnetic_field) > FAINTEST_FIELD:
-            rows = self._look_north(rows, magnetic_field, gains)
-        s.rows = rows
-        self._correct(dt, rows, linear_acceleration, gains)
+            px, py, pz = _correction(s, s.rows, dt, gains)
+            ix, iy, iz = s.integral
+            h = min(dt, LONGEST_STEP)
+            turn = (  # (8) with the rate of (18)
+                (rate[0] + ix) * dt + px * h,
+                (rate[1] + iy) * dt + py * h,
+                (rate[2] + iz) * dt + pz * h,
+            )
+            s.rows = turned_matrix(s.rows, turn, gains.largest_turn)
+        s.force = force
 
-    def _look_north(self, rows: Matrix, field: Vector, gains: Gains) -> Matrix:
+    def _look(self, field: Vector) -> None:
         """Take a compass heading when one is due; the first one ever turns the matrix at once."""
-        s = self._state
-        mx, my, mz = field
-        norm = sqrt(mx * mx + my * my + mz * mz)
+        s, gains = self._state, GAINS[self.params.gains]
+        norm = hypot(*field)
+        if norm <= FAINTEST_FIELD or s.rows is None:
+            return
         if s.compass is None:
-            s.compass = tilt_compensated_yaw(rows, field, self.params.declination)
-            s.field_norm, s.field_weight, s.field_wait = norm, 1.0, 0.0
-            s.heading_variance = COMPASS_STD * COMPASS_STD
-            turn = matrix_from_euler(0.0, 0.0, s.compass - atan2(rows[1][0], rows[0][0]))
-            return compose(turn, rows)
-        if s.field_wait < gains.compass_period:
-            return rows
-        s.compass = tilt_compensated_yaw(rows, field, self.params.declination)
-        off = norm / s.field_norm - 1.0
-        s.disturbed = abs(off) > DISTURBANCE
-        s.field_weight = weight = max(0.0, 1.0 - gains.field_slope * abs(off))
-        s.field_norm += min(1.0, s.field_wait / FIELD_TIME) * (norm - s.field_norm)
-        gain = min(1.0, gains.yaw_p * weight * s.field_wait)
-        s.heading_variance += gain * (COMPASS_STD * COMPASS_STD - s.heading_variance)
+            s.compass = tilt_compensated_yaw(s.rows, field, self.params.declination)
+            s.usual = s.strength = norm
+            s.field_weight, s.heading_variance = 1.0, COMPASS_STD * COMPASS_STD
+            turn = matrix_from_euler(0.0, 0.0, s.compass - atan2(s.rows[1][0], s.rows[0][0]))
+            s.rows = compose(turn, s.rows)
+        elif s.field_wait < gains.compass_period:
+            return
+        else:
+            s.compass = tilt_compensated_yaw(s.rows, field, self.params.declination)
+            s.strength = norm
+            off = norm / s.usual - 1.0
+            s.field_weight = weight = max(0.0, 1.0 - gains.field_slope * abs(off))
+            s.usual += min(1.0, s.field_wait / FIELD_TIME) * (norm - s.usual)
+            gain = min(1.0, gains.yaw_p * weight * s.field_wait)
+            s.heading_variance += gain * (COMPASS_STD * COMPASS_STD - s.heading_variance)
         s.field_wait = 0.0
-        return rows
-
-    def _correct(self, dt: float, rows: Matrix, force: Vector, gains: Gains) -> None:
-        """Work out the PI correction of the angular velocity for the next step."""
-        s = self._state
-        (r11, _, _), (r21, _, _), (rx, ry, rz) = rows
-        ax, ay, az = force[0] / GRAVITY, force[1] / GRAVITY, force[2] / GRAVITY
-        size = sqrt(ax * ax + ay * ay + az * az)
-        weight = max(0.0, 1.0 - gains.force_slope * abs(1.0 - size)) / max(
-            1.0, size / LARGEST_FORCE
-        )
-        ex = weight * (ay * rz - az * ry)  # (16), z up: a x r_z
-        ey = weight * (az * rx - ax * rz)
-        ez = weight * (ax * ry - ay * rx)
-        course = 0.0
-        if s.compass is not None:
-            course = s.field_weight * (r11 * sin(s.compass) - r21 * cos(s.compass))
-        p, y = gains.tilt_p, gains.yaw_p * course
-        s.proportional = (p * ex + y * rx, p * ey + y * ry, p * ez + y * rz)  # (17)
-        i, j = gains.tilt_i * dt, gains.yaw_i * dt * course
-        ix, iy, iz = s.integral
-        ix, iy, iz = ix + i * ex + j * rx, iy + i * ey + j * ry, iz + i * ez + j * rz  # (17)
-        size = sqrt(ix * ix + iy * iy + iz * iz)
-        k = LARGEST_BIAS / size if size > LARGEST_BIAS else 1.0
-        s.integral = (k * ix, k * iy, k * iz)
 
     @property
     def orientation(self) -> Quaternion:
@@ -206,42 +139,26 @@ class Dcm(Attitude):
         ix, iy, iz = self._state.integral
         return (-ix, -iy, -iz)
 
-    @property
-    def heading_std(self) -> float:
-        """Standard deviation of yaw [rad]."""
-        return sqrt(self._state.heading_variance)
 
-    @property
-    def disturbed(self) -> bool:
-        """True while the strength of the field is more than 15 % off what is usual here."""
-        return self._state.disturbed
-
-
-def _turned(s: DcmState, rows: Matrix, rate: Vector, dt: float, largest: float) -> Matrix:
-    """One step of the gyro with the correction of the step before, orthonormal again."""
-    (px, py, pz), (ix, iy, iz) = s.proportional, s.integral
-    h = dt if dt < LONGEST_STEP else LONGEST_STEP  # a P part held over a gap would overshoot
-    tx = (rate[0] + ix) * dt + px * h  # (18), (8)
-    ty = (rate[1] + iy) * dt + py * h
-    tz = (rate[2] + iz) * dt + pz * h
-    (a, b, c), (d, e, f), _ = rows
-    if tx * tx + ty * ty + tz * tz > largest * largest:
-        rows = compose(rows, to_matrix(from_rotation_vector((tx, ty, tz))))
-        (a, b, c), (d, e, f), _ = rows
-    else:  # (9) and (19): R (I + [w dt]x), exact to first order; the third row follows from (12)
-        a, b, c = a + b * tz - c * ty, b + c * tx - a * tz, c + a * ty - b * tx
-        d, e, f = d + e * tz - f * ty, e + f * tx - d * tz, f + d * ty - e * tx
-    half = 0.5 * (a * d + b * e + c * f)  # (10)
-    a, b, c, d, e, f = (  # (11)
-        a - half * d,
-        b - half * e,
-        c - half * f,
-        d - half * a,
-        e - half * b,
-        f - half * c,
-    )
-    g, h, i = b * f - c * e, c * d - a * f, a * e - b * d  # (12)
-    k = 0.5 * (3.0 - (a * a + b * b + c * c))  # (13)
-    m = 0.5 * (3.0 - (d * d + e * e + f * f))  # (14)
-    n = 0.5 * (3.0 - (g * g + h * h + i * i))  # (15)
-    return ((k * a, k * b, k * c), (m * d, m * e, m * f), (n * g, n * h, n * i))
+def _correction(s: DcmState, rows: Matrix, dt: float, gains: Gains) -> Vector:
+    """P part of the correction [rad/s] by the sample before, body axes; the I part is added up."""
+    (r11, _, _), (r21, _, _), (rx, ry, rz) = rows
+    ax, ay, az = s.force[0] / GRAVITY, s.force[1] / GRAVITY, s.force[2] / GRAVITY
+    size = sqrt(ax * ax + ay * ay + az * az)
+    weight = max(0.0, 1.0 - gains.force_slope * abs(1.0 - size))
+    if size > LARGEST_FORCE:
+        weight *= LARGEST_FORCE / size
+    ex = weight * (ay * rz - az * ry)  # (16), z up: a x r_z
+    ey = weight * (az * rx - ax * rz)
+    ez = weight * (ax * ry - ay * rx)
+    course = 0.0
+    if s.compass is not None:
+        course = s.field_weight * (r11 * sin(s.compass) - r21 * cos(s.compass))
+    p, y = gains.tilt_p, gains.yaw_p * course
+    i, j = gains.tilt_i * dt, gains.yaw_i * dt * course
+    ix, iy, iz = s.integral
+    ix, iy, iz = ix + i * ex + j * rx, iy + i * ey + j * ry, iz + i * ez + j * rz  # (17)
+    size = sqrt(ix * ix + iy * iy + iz * iz)
+    k = LARGEST_BIAS / size if size > LARGEST_BIAS else 1.0
+    s.integral = (k * ix, k * iy, k * iz)
+    return (p * ex + y * rx, p * ey + y * ry, p * ez + y * rz)  # (17)

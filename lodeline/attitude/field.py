@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import asin, pi, sqrt, tau
 from typing import Annotated
 
-from lodeline.attitude.base import AttitudeParams, positive
+from lodeline.attitude.base import AttitudeParams, AttitudeState, positive
 from lodeline.rotation import Vector
 
 # Below this weight a field would take minutes to come back by itself.
@@ -27,7 +27,7 @@ TURNING = 0.1  # [rad/s] slower rates are noise and do not count
 class FieldParams(AttitudeParams):
     """How much strength and dip may stray, and how fast the reference is learned."""
 
-    norm_tolerance: Annotated[float, "1"] = 0.045  # relative to the strength learned
+    norm_tolerance: Annotated[float, "1"] = 0.04  # relative to the strength learned
     dip_tolerance: Annotated[float, "rad"] = 0.14
     heading_tolerance: Annotated[float, "rad"] = 0.3  # beside the heading known so far
     learn_time: Annotated[float, "s"] = 5.0
@@ -44,7 +44,7 @@ class FieldParams(AttitudeParams):
 
 
 @dataclass(slots=True)
-class FieldState:
+class FieldState(AttitudeState):
     """The reference, and another field that may take its place."""
 
     field_age: float = -1.0  # of the reference [s], negative before the first field
@@ -62,24 +62,23 @@ def norm_and_dip(level_field: Vector) -> tuple[float, float]:
     """Strength [T] and dip [rad, positive downwards as in the north] of a field in level axes."""
     x, y, z = level_field
     norm = sqrt(x * x + y * y + z * z)
-    return norm, -asin(max(-1.0, min(1.0, z / norm)))
+    return norm, -asin(max(-1.0, min(1.0, z / norm))) if norm > 0.0 else 0.0
 
 
 def weigh(
     s: FieldState,
     p: FieldParams,
-    dt: float,
     level_field: Vector,
-    rate: float,
     off: float,
     heading_variance: float,
 ) -> float:
     """Set `s.weight` (0 to 1) for a field [T] in level axes and let the reference follow it.
 
-    `dt` [s] since the field before, `rate` [rad/s] is how fast the body turns, `off` [rad] what the
-    compass says beyond a heading of `heading_variance` [rad^2]. Returns the variance [rad^2] to be
-    added to the heading's, because the field contradicts it and one of the two is wrong.
+    `off` [rad] is what the compass says beyond a heading of `heading_variance` [rad^2]. Returns the
+    variance [rad^2] to be added to the heading's, because the field contradicts it and one of the
+    two is wrong.
     """
+    dt = s.field_wait
     norm, dip = norm_and_dip(level_field)
     if s.field_age < 0.0:
         s.field_age, s.field_norm, s.field_dip, s.weight = 0.0, norm, dip, 1.0
@@ -94,17 +93,28 @@ def weigh(
         share = min(1.0, weight * dt / p.reference_time)
     s.field_norm += share * (norm - s.field_norm)
     s.field_dip += share * (dip - s.field_dip)
-    if weight < HOPELESS and _adopted(s, p, dt, norm, dip, off, rate):
+    if weight < HOPELESS and _adopted(s, p, norm, dip, off):
         return off * off
     if weight >= HOPELESS:
         s.other_age = 0.0
     return (_say(strange) - weight) * off * off * min(1.0, dt / DOUBT_TIME)
 
 
-def _adopted(
-    s: FieldState, p: FieldParams, dt: float, norm: float, dip: float, off: float, rate: float
-) -> bool:
+def strangeness(s: FieldState, p: FieldParams, level_field: Vector) -> float:
+    """Squared distance of a field [T] in level axes from the reference, in tolerances."""
+    return _strangeness(p, *norm_and_dip(level_field), s.field_norm, s.field_dip)
+
+
+def disturbed(s: FieldState) -> bool:
+    """True while strength or dip of the field are those of another place, or of a magnet."""
+    return s.field_age >= 0.0 and s.weight < HOPELESS
+
+
+def _adopted(s: FieldState, p: FieldParams, norm: float, dip: float, off: float) -> bool:
     """Watch another field; true when it has just become the reference."""
+    dt = s.field_wait
+    wx, wy, wz = s.rate
+    rate = sqrt(wx * wx + wy * wy + wz * wz)
     away = (off - s.other_off + pi) % tau - pi
     strange = _strangeness(p, norm, dip, s.other_norm, s.other_dip) if s.other_age > 0.0 else 2.0
     if strange + (away / p.heading_tolerance) ** 2 > 1.0:
@@ -124,7 +134,6 @@ def _adopted(
 
 
 def _strangeness(p: FieldParams, norm: float, dip: float, of_norm: float, of_dip: float) -> float:
-    """Squared distance of a field from a reference, in tolerances."""
     a = (norm / of_norm - 1.0) / p.norm_tolerance
     b = (dip - of_dip) / p.dip_tolerance
     return a * a + b * b

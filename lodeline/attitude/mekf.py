@@ -7,6 +7,7 @@ whatever the attitude, so every measurement touches one error angle:
     d' = d - R e dt + noise           (gyro)
     up_x = -d_y, up_y = d_x           (specific force over g, levelled)
     off = d_z + d_y tan(dip)          (heading by compass less heading)
+    rate = e                          (at rest)
 
 The compass corrects heading and bias but not the tilt, so that a magnet cannot topple the robot.
 Pushes of the body and errors of the compass last for a while: a measurement that says the same for
@@ -14,27 +15,35 @@ Pushes of the body and errors of the compass last for a while: a measurement tha
 """
 
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import hypot, pi, sqrt
 from typing import Annotated
 
-from lodeline.attitude.base import (
-    FAINTEST_FIELD,
-    GRAVITY,
-    HOLE,
-    UNKNOWN_HEADING,
-    Attitude,
-    ahead,
-    check_sample,
-    hole_variance,
-    north_yaw,
-    positive,
-    tilt_of,
-    turned,
+from lodeline.attitude.base import GRAVITY, Attitude, positive
+from lodeline.attitude.covariance import (
+    CERTAIN,
+    Covariance,
+    Row,
+    corrected,
+    diagonal,
+    predicted,
+    symmetric,
+    widened,
 )
-from lodeline.attitude.field import HOPELESS, FieldParams, FieldState, weigh
+from lodeline.attitude.doubt import HOLE, NO_IDEA, UNKNOWN_HEADING, hole_variance
+from lodeline.attitude.field import disturbed, weigh
+from lodeline.attitude.fix import north_yaw, points_somewhere, tilt_of
+from lodeline.attitude.iron import without_iron
+from lodeline.attitude.rest import (
+    BIAS_AT_REST,
+    REST_MEAN_TIME,
+    RestParams,
+    RestState,
+    resting,
+    surprise,
+)
+from lodeline.attitude.strapdown import ahead, turned
 from lodeline.rotation import (
     IDENTITY,
-    Matrix,
     Quaternion,
     Vector,
     from_euler,
@@ -45,21 +54,15 @@ from lodeline.rotation import (
     to_matrix,
 )
 
-Six = tuple[float, float, float, float, float, float]
-Covariance = tuple[Six, Six, Six, Six, Six, Six]
-NOTHING: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 PERIOD = 0.05  # [s] between corrections; the gyro is integrated at every sample
 SCALE_TIME = 1.0  # [s] for which a body turns about the same axis
+_ZERO: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class MekfParams(FieldParams):
+class MekfParams(RestParams):
     """Noise of the sensors; densities are per square root of a second."""
 
-    # What the stamp is late by: the delay of the chip's own low-pass (MPU-9250 at 92 Hz: 3.9 ms).
-    latency: Annotated[float, "s"] = 0.004
     gyro_noise: Annotated[float, "rad/s/sqrt(Hz)"] = 0.0005
     gyro_scale: Annotated[float, "1"] = 0.005  # error of scale and axes, times the rate
     bias_walk: Annotated[float, "rad/s/sqrt(s)"] = 0.00005
@@ -73,7 +76,7 @@ class MekfParams(FieldParams):
     compass_offset: Annotated[float, "rad"] = 0.03  # that no averaging takes out
 
     def __post_init__(self) -> None:
-        FieldParams.__post_init__(self)
+        RestParams.__post_init__(self)
         positive(
             gyro_noise=self.gyro_noise,
             accel_noise=self.accel_noise,
@@ -84,22 +87,18 @@ class MekfParams(FieldParams):
 
 
 @dataclass(slots=True)
-class MekfState(FieldState):
+class MekfState(RestState):
     """Everything between two samples."""
 
-    started: bool = False
     attitude: Quaternion = IDENTITY  # body to world
-    bias: Vector = (0.0, 0.0, 0.0)
-    rate: Vector = (0.0, 0.0, 0.0)
-    # of d [rad] and e [rad/s]
-    covariance: Covariance = (NOTHING, NOTHING, NOTHING, NOTHING, NOTHING, NOTHING)
+    bias: Vector = _ZERO
+    covariance: Covariance = CERTAIN  # of d [rad] and e [rad/s]
     push_variance: float = 0.0  # of the specific force about gravity, as seen lately
     span: float = 0.0  # what is gathered for the next correction: time [s], sums and counts
     samples: int = 0
     fields: int = 0
-    force: Vector = (0.0, 0.0, 0.0)  # world axes
-    field: Vector = (0.0, 0.0, 0.0)
-    field_wait: float = 0.0  # since the last correction by the compass [s]
+    force: Vector = _ZERO  # world axes
+    field: Vector = _ZERO
 
 
 class Mekf(Attitude):
@@ -111,74 +110,51 @@ class Mekf(Attitude):
     params: MekfParams
     _state: MekfState
 
-    def update(
-        self,
-        dt: float,
-        angular_velocity: Vector,
-        linear_acceleration: Vector,
-        magnetic_field: Vector | None = None,
-    ) -> None:
-        """Take in one sample; see `Attitude.update`."""
-        check_sample(dt, angular_velocity, linear_acceleration, magnetic_field)
+    def _start(self, rate: Vector, force: Vector) -> None:
+        s, p = self._state, self.params
+        s.attitude, s.mean_rate, s.mean_force = tilt_of(force), rate, force
+        tilt = (p.accel_noise**2 + p.push**2) / GRAVITY**2
+        s.covariance = diagonal(tilt, NO_IDEA, p.bias_at_start**2)
+        s.samples, s.force = 1, rotate(s.attitude, force)
+
+    def _step(self, dt: float, rate: Vector, force: Vector) -> None:
         s = self._state
-        if s.started:
-            turn = turned(s.rate, angular_velocity, s.bias, dt)
-            s.attitude = normalized(multiply(s.attitude, from_rotation_vector(turn)))
-        else:
-            self._start(linear_acceleration)
-        s.rate = angular_velocity
+        turn = turned(s.rate, rate, s.bias, dt)
+        s.attitude = normalized(multiply(s.attitude, from_rotation_vector(turn)))
+        still = resting(s, self.params, dt, rate, force)
         if dt > HOLE:  # what was gathered before it belongs to another attitude
             s.samples = s.fields = 0
-            s.force = s.field = (0.0, 0.0, 0.0)
+            s.force = s.field = _ZERO
         s.span += dt
         s.samples += 1
-        s.force = _plus(s.force, rotate(s.attitude, linear_acceleration))
-        if magnetic_field is not None:
-            s.fields += 1
-            s.field = _plus(s.field, rotate(s.attitude, magnetic_field))
-        if s.span >= PERIOD or (s.fields > 0 and s.field_age < 0.0):
-            self._fuse()
+        s.force = _plus(s.force, rotate(s.attitude, force))
+        if s.span >= PERIOD:
+            self._fuse(still)
 
-    def _fuse(self) -> None:
-        """Let the covariance catch up, and correct by the mean force and field since last time."""
+    def _look(self, field: Vector) -> None:
         s = self._state
-        self._predict(s.span, to_matrix(s.attitude))
-        self._level(s.span, _share(s.force, s.samples))
-        s.field_wait += s.span
-        if s.fields > 0:
-            level = _share(s.field, s.fields)
-            if hypot(level[0], level[1]) > FAINTEST_FIELD:
-                self._point_north(s.field_wait, level)
-                s.field_wait = 0.0
-        s.span, s.samples, s.fields = 0.0, 0, 0
-        s.force = s.field = (0.0, 0.0, 0.0)
+        s.seen = field
+        s.fields += 1
+        s.field = _plus(s.field, rotate(s.attitude, field))
+        if s.field_age < 0.0 or s.field_wait > HOLE:  # the first one points there at once
+            self._fuse(still=False)
 
-    def _start(self, force: Vector) -> None:
+    def _fuse(self, still: bool) -> None:
+        """Let the covariance catch up, and correct by the mean force and field since last time."""
         s, p = self._state, self.params
-        s.started, s.attitude = True, tilt_of(force)
-        tilt = (p.accel_noise**2 + p.push**2) / GRAVITY**2
-        s.covariance = _diagonal(tilt, UNKNOWN_HEADING**2, p.bias_at_start**2)
-
-    def _predict(self, dt: float, r: Matrix) -> None:
-        """P = F P F' + Q with F = [[I, -R dt], [0, I]]."""
-        s, p = self._state, self.params
-        c = s.covariance
-        rows = [list(row) for row in c]
-        for i in range(3):  # F P: rows of d take up rows of e
-            a, b, g = r[i][0] * dt, r[i][1] * dt, r[i][2] * dt
-            rows[i] = [
-                v - a * x - b * y - g * z for v, x, y, z in zip(c[i], c[3], c[4], c[5], strict=True)
-            ]
         wx, wy, wz = s.rate
         scale = 2.0 * SCALE_TIME * p.gyro_scale * p.gyro_scale * (wx * wx + wy * wy + wz * wz)
-        noise = (p.gyro_noise * p.gyro_noise + scale) * dt + hole_variance(dt)
-        walk = p.bias_walk * p.bias_walk * dt
-        for i, row in enumerate(rows):  # (F P) F': columns likewise
-            x, y, z = row[3], row[4], row[5]
-            for j in range(3):
-                row[j] -= dt * (r[j][0] * x + r[j][1] * y + r[j][2] * z)
-            row[i] += noise if i < 3 else walk
-        s.covariance = _symmetric(rows)
+        noise = (p.gyro_noise * p.gyro_noise + scale) * s.span + hole_variance(s.span)
+        walk = p.bias_walk * p.bias_walk * s.span
+        s.covariance = predicted(s.covariance, s.span, to_matrix(s.attitude), noise, walk)
+        if s.samples > 0:
+            self._level(s.span, _share(s.force, s.samples))
+        if still:
+            self._learn_bias(s.span)
+        if s.fields > 0:
+            self._point_north(_share(s.field, s.fields))
+        s.span, s.samples, s.fields = 0.0, 0, 0
+        s.force = s.field = _ZERO
 
     def _level(self, dt: float, force: Vector) -> None:
         """Correct the tilt by what the specific force (world axes) shows beside straight up."""
@@ -190,18 +166,32 @@ class Mekf(Attitude):
         push = max(p.push * p.push, s.push_variance)
         count = max(1.0, 2.0 * p.push_time / dt) if dt > 0.0 else 1e9
         variance = (p.accel_noise * p.accel_noise + push * count) / (GRAVITY * GRAVITY)
-        self._correct((1.0, 0.0, 0.0), y / GRAVITY, variance, (1.0, 1.0, 1.0))
-        self._correct((0.0, 1.0, 0.0), -x / GRAVITY, variance, (1.0, 1.0, 1.0))
+        self._correct(((0, 1.0),), y / GRAVITY, variance)
+        self._correct(((1, 1.0),), -x / GRAVITY, variance)
 
-    def _point_north(self, dt: float, level: Vector) -> None:
-        """Correct the heading by the compass, as far as its field can be believed."""
+    def _learn_bias(self, dt: float) -> None:
+        """At rest the gyro shows its bias: one independent look per REST_MEAN_TIME."""
+        s = self._state
+        more = surprise(s, dt, s.bias, s.covariance[5][5])
+        if more is None:
+            return
+        variance = BIAS_AT_REST * BIAS_AT_REST * max(1.0, REST_MEAN_TIME / dt)
+        for axis in range(3):
+            if more > 0.0:
+                s.covariance = widened(s.covariance, 3 + axis, more)
+            self._correct(((3 + axis, 1.0),), s.mean_rate[axis] - s.bias[axis], variance)
+
+    def _point_north(self, field: Vector) -> None:
+        """Correct the heading by the compass, as far as its field (world axes) can be believed."""
         s, p = self._state, self.params
-        first = s.field_age < 0.0
-        wx, wy, wz = s.rate
-        yaw = north_yaw(level, p.declination)  # what is missing in yaw
-        rate = sqrt(wx * wx + wy * wy + wz * wz)
-        doubt = weigh(s, p, dt, level, rate, yaw, s.covariance[2][2])
-        steep = -level[2] / hypot(level[0], level[1])
+        field = without_iron(s, p, field, s.attitude, 0.5 * pi - p.declination)
+        if not points_somewhere(field):
+            return
+        dt, first = s.field_wait, s.field_age < 0.0
+        yaw = north_yaw(field, p.declination)  # what is missing in yaw
+        doubt = weigh(s, p, field, 0.0 if first else yaw, s.covariance[2][2])
+        steep = -field[2] / hypot(field[0], field[1])
+        s.field_wait = 0.0
         if first:
             s.attitude = multiply(from_euler(0.0, 0.0, yaw), s.attitude)
             rows = [list(row) for row in s.covariance]
@@ -210,38 +200,23 @@ class Mekf(Attitude):
             for row in rows:
                 row[2] = -steep * row[1]
             rows[2][2] += p.compass_noise**2 + p.compass_wander**2
-            s.covariance = _symmetric(rows)
+            s.covariance = symmetric(rows)
             return
         if doubt > 0.0:
-            rows = [list(row) for row in s.covariance]
-            rows[2][2] += doubt
-            s.covariance = _symmetric(rows)
+            s.covariance = widened(s.covariance, 2, doubt)
         count = max(1.0, 2.0 * p.compass_time / dt) if dt > 0.0 else 1e9
         variance = p.compass_noise * p.compass_noise + p.compass_wander * p.compass_wander * count
-        variance /= max(s.weight, 1e-12)
-        self._correct((0.0, steep, 1.0), yaw, variance, (0.0, 0.0, 1.0))
+        self._correct(((1, steep), (2, 1.0)), yaw, variance / max(s.weight, 1e-12), held=(0, 1))
 
-    def _correct(self, h: Vector, residual: float, variance: float, share: Vector) -> None:
-        """One scalar measurement residual = h d + noise; `share` holds error angles back.
-
-        With a gain other than the optimal one the covariance needs its long form,
-        P - K (P h)' - (P h) K' + K S K'.
-        """
+    def _correct(
+        self, row: Row, residual: float, variance: float, held: tuple[int, ...] = ()
+    ) -> None:
+        """Move attitude and bias by one scalar measurement."""
         s = self._state
-        c = s.covariance
-        ph = [h[0] * row[0] + h[1] * row[1] + h[2] * row[2] for row in c]
-        total = h[0] * ph[0] + h[1] * ph[1] + h[2] * ph[2] + variance
-        gain = [v / total for v in ph]
-        gain[0], gain[1], gain[2] = gain[0] * share[0], gain[1] * share[1], gain[2] * share[2]
-        rows = [
-            [v - k * pj - pi * kj + k * total * kj for v, pj, kj in zip(row, ph, gain, strict=True)]
-            for row, k, pi in zip(c, gain, ph, strict=True)
-        ]
-        s.covariance = _symmetric(rows)
-        d = from_rotation_vector((gain[0] * residual, gain[1] * residual, gain[2] * residual))
-        s.attitude = normalized(multiply(d, s.attitude))
-        bx, by, bz = s.bias
-        s.bias = (bx + gain[3] * residual, by + gain[4] * residual, bz + gain[5] * residual)
+        s.covariance, (a, b, c, d, e, f) = corrected(s.covariance, row, variance, held)
+        turn = from_rotation_vector((a * residual, b * residual, c * residual))
+        s.attitude = normalized(multiply(turn, s.attitude))
+        s.bias = _plus(s.bias, (d * residual, e * residual, f * residual))
 
     @property
     def covariance(self) -> Covariance:
@@ -271,7 +246,7 @@ class Mekf(Attitude):
     @property
     def disturbed(self) -> bool:
         """True while strength or dip of the field are those of another place, or of a magnet."""
-        return self._state.field_age >= 0.0 and self._state.weight < HOPELESS
+        return disturbed(self._state)
 
 
 def _plus(a: Vector, b: Vector) -> Vector:
@@ -280,23 +255,3 @@ def _plus(a: Vector, b: Vector) -> Vector:
 
 def _share(v: Vector, n: int) -> Vector:
     return (v[0] / n, v[1] / n, v[2] / n)
-
-
-def _diagonal(tilt: float, heading: float, bias: float) -> Covariance:
-    variances = (tilt, tilt, heading, bias, bias, bias)
-    return _symmetric([[v if i == j else 0.0 for j in range(6)] for i, v in enumerate(variances)])
-
-
-def _symmetric(rows: list[list[float]]) -> Covariance:
-    """Equal halves, and no angle less known than not at all (shrunk with its correlations)."""
-    for i in range(3):
-        if rows[i][i] > UNKNOWN_HEADING * UNKNOWN_HEADING:
-            k = UNKNOWN_HEADING / sqrt(rows[i][i])
-            for j in range(6):
-                rows[i][j] *= k
-                rows[j][i] *= k
-    for i in range(6):
-        for j in range(i):
-            rows[i][j] = rows[j][i] = 0.5 * (rows[i][j] + rows[j][i])
-    a, b, c, d, e, f = ((r[0], r[1], r[2], r[3], r[4], r[5]) for r in rows)
-    return (a, b, c, d, e, f)

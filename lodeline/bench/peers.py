@@ -12,7 +12,8 @@ from importlib.util import find_spec
 from math import degrees, sqrt
 from typing import Any, Protocol
 
-from lodeline.attitude.base import GRAVITY, first_fix
+from lodeline.attitude.base import GRAVITY
+from lodeline.attitude.fix import first_fix
 from lodeline.rotation import Quaternion, Vector, conjugate, multiply
 
 HALF = sqrt(0.5)

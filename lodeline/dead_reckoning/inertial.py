@@ -11,8 +11,9 @@ from dataclasses import asdict, dataclass, fields, replace
 from math import cos, hypot, sin
 from typing import Annotated
 
-from lodeline.attitude.base import GRAVITY, HOLE, UNSEEN_RATE, check_sample, positive
+from lodeline.attitude.base import GRAVITY, check_sample, positive
 from lodeline.attitude.complementary import Complementary, ComplementaryParams, ComplementaryState
+from lodeline.attitude.doubt import HOLE, UNSEEN_RATE
 from lodeline.rotation import Quaternion, Vector, rotate, yaw_of
 
 LARGEST_ZERO = 0.35  # [rad/s] no gyro reads more at rest

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from lodeline.attitude import METHODS, Attitude, make_attitude
-from lodeline.attitude.base import GRAVITY, UNKNOWN_HEADING
+from lodeline.attitude.base import GRAVITY
+from lodeline.attitude.doubt import UNKNOWN_HEADING
 from lodeline.attitude.score import attitude_error
 from lodeline.rotation import (
     Quaternion,

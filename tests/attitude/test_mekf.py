@@ -131,7 +131,7 @@ def test_a_compass_that_errs_turns_the_heading_and_hardly_the_tilt() -> None:
         estimator.update(DT, STILL, LEVEL, aside)
         roll, pitch, yaw = to_euler(estimator.orientation)
         tilt = max(tilt, abs(roll), abs(pitch))
-    assert abs(degrees(yaw)) > 10.0
+    assert abs(degrees(yaw)) > 5.0
     assert degrees(tilt) < 0.6
 
 
@@ -161,10 +161,12 @@ def test_without_a_compass_the_heading_std_grows_and_holds_the_error() -> None:
     estimator = Mekf()
     estimator.update(DT, STILL, LEVEL, EARTH)
     first = estimator.heading_std
-    for _ in range(round(60 / DT)):
-        estimator.update(DT, (0.0, 0.0, radians(0.3)), LEVEL)
+    for i in range(round(60 / DT)):  # swaying, so that the bias cannot be learned at rest
+        sway = 0.3 * sin(2.0 * i * DT)
+        estimator.update(DT, (0.0, 0.0, sway + radians(0.3)), LEVEL)
     assert estimator.heading_std > 2.0 * first
-    assert abs(wrap_angle(yaw_of(estimator.orientation))) < 2.0 * estimator.heading_std
+    swayed = 0.15 * (1.0 - cos(2.0 * 60.0))
+    assert abs(wrap_angle(yaw_of(estimator.orientation) - swayed)) < 2.0 * estimator.heading_std
 
 
 @pytest.mark.parametrize("start", [from_euler(0.4, -0.3, 1.0), from_euler(3.0, 0.2, -2.0)])
