@@ -17,7 +17,7 @@ from lodeline_msgs import AttitudeEstimate, Odometry, unpack
 from tests.supervisor.talk import patience
 from tests.support.live import ROOT, Up, eventually
 
-BACK_S = 1.0
+BACK_S = 0.5
 SWING = math.radians(1.0)
 
 
