@@ -254,7 +254,9 @@ def _recover(args: argparse.Namespace) -> int:
 
 
 def _record(args: argparse.Namespace) -> int:
+    from lodeline.pipeline.load import load_unchanged
     from lodeline.recording.live import FULL, interrupts, record_live
+    from lodeline.recording.localizer import noted
     from lodeline.recording.record import Recorder, default_name
     from lodeline.watch import Watch, choose
 
@@ -272,6 +274,7 @@ def _record(args: argparse.Namespace) -> int:
                 "digest": manifest.digest,
                 "clock": manifest.clock,
                 "source": f"live on {manifest.host}",
+                **noted(load_unchanged(manifest.file, manifest.digest)),
             },
             replace=args.force,
         )

@@ -64,6 +64,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _replay(pipeline: Pipeline, args: argparse.Namespace) -> Outcome:
+    from lodeline.recording.localizer import noted
     from lodeline.recording.offline import Listener, Replay
     from lodeline.recording.read import Recording
     from lodeline.recording.table import Tables
@@ -85,11 +86,12 @@ def _replay(pipeline: Pipeline, args: argparse.Namespace) -> Outcome:
                     "digest": pipeline.digest,
                     "clock": "recording",
                     "source": f"replay of {args.recording.name}",
+                    **noted(pipeline),
                 },
             )
             listeners.append(writer.write)
         if args.csv is not None:
-            types = replay.inputs | replay.outputs
+            types = replay.inputs | replay.outputs | replay.told(recording)
             tables = stack.enter_context(Tables(args.csv, types.items()))
             listeners.append(lambda key, message, _: tables.write(key, message))
         outcome = replay.run(recording, scratch, listeners)

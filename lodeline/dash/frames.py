@@ -10,7 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from lodeline.dash.scene import brief, is_truth
+from lodeline.dash.scene import brief
+from lodeline.keys import is_truth
 from lodeline.run_folder import Manifest
 from lodeline_msgs import (
     AttitudeEstimate,

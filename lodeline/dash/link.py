@@ -10,8 +10,9 @@ from typing import Any
 
 from lodeline.bus import BusError, Client, Publisher
 from lodeline.dash.frames import Newest
-from lodeline.dash.scene import drive_key, file_of, scene, status_of
+from lodeline.dash.scene import drive_key, scene, status_of
 from lodeline.dash.tail import Tail
+from lodeline.pipeline.load import load_unchanged
 from lodeline.run_folder import Manifest, Running, running
 from lodeline_msgs import DecodeError, NodeStatus, Twist, encoding_of, pack, unpack
 
@@ -29,7 +30,8 @@ class Run:
 
     def __init__(self, target: Running) -> None:
         self.manifest: Manifest = target.manifest
-        self.scene: dict[str, Any] = scene(self.manifest, file_of(self.manifest))
+        pipeline = load_unchanged(target.manifest.file, target.manifest.digest)
+        self.scene: dict[str, Any] = scene(self.manifest, pipeline)
         self.newest = Newest(self.manifest, self.scene["floor"]["bar_x"])
         self.tail = Tail()
         self._statuses: dict[str, tuple[NodeStatus, float]] = {}

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from lodeline.ekf import LocalizerParams
-from lodeline.pipeline.load import PipelineError, load
+from lodeline.keys import is_truth
 from lodeline.pipeline.model import Pipeline
+from lodeline.recording.localizer import params_of
 from lodeline.run_folder import Manifest
 from lodeline_msgs import NodeStatus, Twist
-
-TRUTH = "truth"
-"""Last part of the key on which a simulator tells where the robot really is."""
 
 
 def badge(manifest: Manifest) -> str:
@@ -23,20 +20,6 @@ def badge(manifest: Manifest) -> str:
         return "REPLAY"
     told = any(is_truth(key) and known.node for key, known in manifest.keys.items())
     return "SIMULATED" if told else "LIVE"
-
-
-def is_truth(key: str) -> bool:
-    """Whether a key is the simulator's, by its last part."""
-    return key.rpartition("/")[2] == TRUTH
-
-
-def file_of(manifest: Manifest) -> Pipeline | None:
-    """The pipeline file behind what runs, unless it was changed or overridden since."""
-    try:
-        pipeline = load(Path(manifest.file))
-    except (PipelineError, OSError):
-        return None
-    return pipeline if pipeline.digest == manifest.digest else None
 
 
 def drive_key(manifest: Manifest) -> str | None:
@@ -105,9 +88,7 @@ def _floor(pipeline: Pipeline | None) -> dict[str, Any]:
 
     Taken from the pipeline's localiser, or its defaults where nobody can tell.
     """
-    specs = () if pipeline is None else pipeline.nodes
-    known = [spec.params for spec in specs if isinstance(spec.params, LocalizerParams)]
-    params = known[0] if known else LocalizerParams()
+    params = params_of(pipeline) or LocalizerParams()
     return {
         "pitch": params.cell,
         "origin": list(params.lattice_origin),

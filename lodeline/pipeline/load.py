@@ -21,7 +21,7 @@ from lodeline.pipeline.programs import build_params, load_program
 from lodeline.pipeline.wiring import check_wiring
 from lodeline_msgs import Message
 
-__all__ = ["Fault", "PipelineError", "find", "load"]
+__all__ = ["Fault", "PipelineError", "find", "load", "load_unchanged"]
 
 DEFAULT = "pipeline.yaml"
 
@@ -45,6 +45,15 @@ def find(name_or_path: str | None) -> Path:
         return profiles[name_or_path]
     text = f"is neither a file nor a profile{nearest(name_or_path, profiles)}"
     raise PipelineError([Fault(name_or_path, 0, 0, text)])
+
+
+def load_unchanged(file: str, digest: str) -> Pipeline | None:
+    """The pipeline file behind what runs, unless it was changed or overridden since."""
+    try:
+        pipeline = load(Path(file))
+    except (PipelineError, OSError):
+        return None
+    return pipeline if pipeline.digest == digest else None
 
 
 def load(file: Path, overrides: Sequence[str] = ()) -> Pipeline:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from lodeline.graph import Graph
+from lodeline.keys import is_truth
 from lodeline.node import Context, Node
 from lodeline.pipeline.model import NodeSpec, Pipeline
 from lodeline.recording import RecordingError
@@ -97,10 +98,21 @@ class Replay:
                     f"the pipeline takes {cls.__name__}"
                 )
 
+    def told(self, recording: Recording) -> dict[str, type[Message]]:
+        """Keys on which the recording has the truth: no node takes it, but results are held
+        against it.
+        """
+        mine = self.inputs | self.outputs
+        return {
+            key: info.type
+            for key, info in recording.channels.items()
+            if info.type is not None and is_truth(key) and key not in mine
+        }
+
     def run(
         self, recording: Recording, run_folder: Path, listeners: Sequence[Listener] = ()
     ) -> Outcome:
-        """Replay the whole recording; listeners get inputs and outputs alike.
+        """Replay the whole recording; listeners get inputs and outputs alike, and the truth.
 
         The digest is of key and packed bytes of everything sent, in the order of sending.
         """
@@ -123,7 +135,12 @@ class Replay:
         for key in self.outputs:
             graph.tap(key, tap(key))
         try:
-            for key, message, log_time in recording.samples(self.inputs):
+            told = self.told(recording)
+            for key, message, log_time in recording.samples([*self.inputs, *told]):
+                if key in told:
+                    for listener in listeners:
+                        listener(key, message, log_time)
+                    continue
                 pending.append((key, message))
                 graph.deliver(key, message)
                 # Listeners are told when the nodes are done: their errors are none of a node's.

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 from lodeline.recording import RecordingError
-from lodeline_msgs import Message, columns, row
+from lodeline_msgs import MESSAGES, Message, columns, from_row, row
 
 
 class Tables:
@@ -48,3 +48,26 @@ class Tables:
         trace: TracebackType | None,
     ) -> None:
         self._files.close()
+
+
+def read_tables(folder: Path) -> Iterator[tuple[str, Message]]:
+    """(name of the file without its ending, message) of every table in a folder, file by file.
+
+    The header tells the class; files of anything else are left alone. RecordingError, with
+    `file:line:`, for a row that is none of `Tables`, and where there is no table at all.
+    """
+    classes = {tuple(columns(cls)): cls for cls in MESSAGES.values()}
+    found = False
+    for file in sorted(folder.glob("*.csv")):
+        with file.open(encoding="utf-8", newline="") as stream:
+            rows = csv.reader(stream)
+            try:
+                cls = classes.get(tuple(next(rows, ())))
+                found = found or cls is not None
+                for cells in rows if cls is not None else ():
+                    assert cls is not None
+                    yield file.stem, from_row(cls, cells)
+            except (ValueError, csv.Error) as error:
+                raise RecordingError(f"{file}:{rows.line_num}: {error}") from None
+    if not found:
+        raise RecordingError(f"{folder} holds no table that `lodeline replay --csv` wrote")

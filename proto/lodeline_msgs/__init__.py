@@ -14,7 +14,7 @@ from lodeline_msgs.control import Twist
 from lodeline_msgs.definition import MESSAGES, FieldSpec, Message, Unit, field_specs, message
 from lodeline_msgs.estimates import AttitudeEstimate, Odometry, PoseEstimate
 from lodeline_msgs.landmarks import LandmarkDetection, PositionFix
-from lodeline_msgs.schema import columns, json_schema, row, stamp_text, unit_table
+from lodeline_msgs.schema import columns, from_row, json_schema, row, stamp_text, unit_table
 from lodeline_msgs.sensors import Imu, MagnetDetection, MagneticField, ReedBar, WheelTicks
 from lodeline_msgs.status import NodeStatus
 
@@ -41,6 +41,7 @@ __all__ = [
     "columns",
     "encoding_of",
     "field_specs",
+    "from_row",
     "json_schema",
     "message",
     "pack",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from lodeline_msgs.definition import MESSAGES, FieldSpec, Message, field_specs
@@ -68,6 +68,38 @@ def row(message: Message) -> list[str]:
         else:
             cells.append(repr(value) if isinstance(value, float) else str(value))
     return [*cells, str(message.seq)]
+
+
+def from_row(cls: type[Message], cells: Sequence[str]) -> Message:
+    """The message that `row` wrote; ValueError for cells that it never writes."""
+    specs = {spec.name: spec for spec in field_specs(cls)}
+    left = list(cells)
+    if len(left) != len(columns(cls)):
+        raise ValueError(f"{len(left)} cells where {len(columns(cls))} are expected")
+    seconds, _, rest = left.pop(0).partition(".")
+    if len(rest) != 9:
+        raise ValueError("a stamp without nine decimals")
+    values: dict[str, Any] = {"stamp": int(seconds + rest), "seq": int(left.pop())}
+    for name, spec in specs.items():
+        if name in values:
+            continue
+        if spec.length is not None:
+            values[name] = tuple(float(left.pop(0)) for _ in range(spec.length))
+        else:
+            values[name] = _cell(spec, left.pop(0))
+    return cls(**values)
+
+
+def _cell(spec: FieldSpec, text: str) -> Any:
+    if spec.kind is bool:
+        return bool(int(text))
+    if spec.kind in _SCALARS:
+        return spec.kind(text)
+    if spec.kind in (dict[str, float], dict[str, int]):
+        number = float if spec.kind == dict[str, float] else int
+        pairs = (pair.rpartition("=") for pair in text.split())
+        return {key: number(part) for key, _, part in pairs}
+    return tuple(map(float, text.split()))
 
 
 def stamp_text(stamp: int) -> str:
