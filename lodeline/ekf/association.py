@@ -95,6 +95,21 @@ class Association:
             return Verdict(mixture, None, rejected=False)
         return Verdict(reduced(children), best, rejected=strays > taken + flat)
 
+    def distances(self, belief: Belief, sight: Sight) -> tuple[float, list[float]]:
+        """Squared Mahalanobis distances of a sight: to the nearest magnet, and to those about it.
+
+        These are the eight other corners and edges of the square of two pitches around it.
+        """
+        nearest = self._nearest(belief, sight)
+        at = nearest.magnet_x, nearest.magnet_y
+        others = (
+            self._detection(sight, magnet)
+            for magnet in self._lattice.around(*at, 1.5 * self._lattice.pitch)
+            if math.dist(magnet, at) > 0.5 * self._lattice.pitch
+        )
+        weigh = self._engine.weigh
+        return weigh(belief, nearest).nis, [weigh(belief, each).nis for each in others]
+
     def _nearest(self, belief: Belief, sight: Sight) -> Detection:
         return self._detection(sight, self._lattice.nearest(*self._spot(belief, sight)))
 

@@ -23,20 +23,42 @@ class Bar:
         """After a reading: each sight is gated, then corrects the belief."""
         if track.pace.unmeasured:  # the magnet of before or the next? when the gap is over it tells
             return track
-        contacts: tuple[Contact, ...] = ()
-        sights = plain_sights(self._reeds, hits.laterals) if hits.laterals else []
-        torn = track.torn or (
-            self._params.association == "mixture"
-            and self._association.is_torn(track.belief, sights)
-        )
-        if self._params.magnet_model == "edges":
-            sights, contacts = edge_sights(self._reeds, track.bar, hits.laterals, sharp=torn)
+        torn = self._is_torn(track, hits)
+        sights, contacts = self._sights(track, hits, sharp=torn)
         alarms = track.trust.alarms
         for sight in sights:
             track = self._seen(track, sight, torn=torn)
         if track.trust.alarms != alarms:
             contacts = ()  # which magnets these were is open again
         return replace(track, bar=BarMemory(contacts, way=0.0))
+
+    def distances(self, track: Track, hits: Hits) -> list[tuple[float, list[float]]]:
+        """How a reading tells magnets apart: see `Association.distances`, for each fresh sight.
+
+        Sights are sharp: a magnet met is told once, by its passage as a whole.
+        """
+        if track.pace.unmeasured:
+            return []
+        sights, _ = self._sights(track, hits, sharp=True)
+        return [
+            self._association.distances(track.belief, sight) for sight in sights if sight.fresh
+        ]
+
+    def _is_torn(self, track: Track, hits: Hits) -> bool:
+        """Whether a reading may be of other magnets than the nearest."""
+        sights = plain_sights(self._reeds, hits.laterals) if hits.laterals else []
+        return track.torn or (
+            self._params.association == "mixture"
+            and self._association.is_torn(track.belief, sights)
+        )
+
+    def _sights(
+        self, track: Track, hits: Hits, *, sharp: bool
+    ) -> tuple[list[Sight], tuple[Contact, ...]]:
+        """What a reading shows, and its magnets for the next one."""
+        if self._params.magnet_model == "edges":
+            return edge_sights(self._reeds, track.bar, hits.laterals, sharp=sharp)
+        return plain_sights(self._reeds, hits.laterals), ()
 
     def has_stuck_reed(self, track: Track) -> bool:
         """True while a reed stays closed farther than any magnet holds it."""

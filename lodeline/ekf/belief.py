@@ -40,6 +40,18 @@ class Belief(NamedTuple):
         """True if no number in it is infinite or NaN."""
         return all(map(math.isfinite, self))
 
+    def nees(self, x: float, y: float, yaw: float) -> float:
+        """e^T P^-1 e of an error (x, y, yaw) [m, m, rad]: 3 on average for an honest belief."""
+        _, _, _, p00, p01, p02, p11, p12, p22 = self
+        # P = L D L^T, as in `_definite`
+        l10, l20 = p01 / p00, p02 / p00
+        d1 = p11 - l10 * p01
+        l21 = (p12 - l10 * p02) / d1
+        d2 = p22 - l20 * p02 - l21 * l21 * d1
+        z1 = y - l10 * x
+        z2 = yaw - l20 * x - l21 * z1
+        return x * x / p00 + z1 * z1 / d1 + z2 * z2 / d2
+
     def widened(self, position: float, heading: float) -> "Belief":
         """Less sure by independent errors of standard deviation [m per axis, rad]."""
         more = position * position

@@ -48,6 +48,10 @@ class Tracker:
             track = sighted(self._engine, track, landmark)
         return track
 
+    def distances(self, track: Track, hits: Hits) -> list[tuple[float, list[float]]]:
+        """How a reading tells magnets apart, before any of them corrects: see `Bar.distances`."""
+        return self._bar.distances(track, hits)
+
     def has_stuck_reed(self, track: Track) -> bool:
         """True while a reed stays closed farther than any magnet holds it."""
         return self._bar.has_stuck_reed(track)

@@ -95,19 +95,6 @@ def mean_nees(
 
 
 def nees(drive: Drive, belief: Belief) -> float:
-    """e^T P^-1 e of (x, y, yaw), by Cholesky's decomposition."""
-    e = (
-        belief.x - drive.x,
-        belief.y - drive.y,
-        math.remainder(belief.yaw - drive.yaw, 2 * math.pi),
-    )
-    _, _, _, p00, p01, p02, p11, p12, p22 = belief
-    l00 = math.sqrt(p00)
-    l10, l20 = p01 / l00, p02 / l00
-    l11 = math.sqrt(p11 - l10 * l10)
-    l21 = (p12 - l10 * l20) / l11
-    l22 = math.sqrt(p22 - l20 * l20 - l21 * l21)
-    z0 = e[0] / l00
-    z1 = (e[1] - l10 * z0) / l11
-    z2 = (e[2] - l20 * z0 - l21 * z1) / l22
-    return z0 * z0 + z1 * z1 + z2 * z2
+    """NEES of (x, y, yaw) where the robot really is."""
+    turn = math.remainder(belief.yaw - drive.yaw, 2 * math.pi)
+    return belief.nees(belief.x - drive.x, belief.y - drive.y, turn)
