@@ -1,0 +1,104 @@
+"""Plot a recording: path, heading, speed, attitude, how sure, how honest.
+
+Takes a recording (MCAP) or a folder of tables of `lodeline replay --csv`, and draws every plot that
+it has the samples for; of the others it says on standard error why not. Without --png and --html it
+lists them. Exit codes: 0 fine, 1 failed, 2 usage, 3 invalid pipeline, 4 nothing to plot.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lodeline.plotting import NothingToPlotError
+from lodeline.recording import RecordingError
+
+if TYPE_CHECKING:  # what draws is loaded when there is something to draw
+    from lodeline.ekf import LocalizerParams
+    from lodeline.plotting.run import Run
+
+EXIT_FAILED, EXIT_NOTHING = 1, 4
+
+
+def main(argv: list[str]) -> int:
+    """Run `lodeline plot`; the exit code."""
+    args = parser().parse_args(argv)
+    from lodeline.plotting.png import NoMatplotlibError
+
+    try:
+        return _plot(args)
+    except NothingToPlotError as error:
+        print(error, file=sys.stderr)
+        return EXIT_NOTHING
+    except (RecordingError, NoMatplotlibError, OSError) as error:
+        print(error, file=sys.stderr)
+        return EXIT_FAILED
+
+
+def parser() -> argparse.ArgumentParser:
+    """What `lodeline plot` takes."""
+    made = argparse.ArgumentParser(
+        "lodeline plot", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    made.add_argument("recording", type=Path, help="MCAP file, or folder of tables")
+    made.add_argument("--png", type=Path, metavar="DIR", help="one PNG file for each plot")
+    made.add_argument("--html", type=Path, metavar="FILE", help="one page with all of them")
+    made.add_argument(
+        "--pipeline",
+        metavar="FILE",
+        help="where gate, magnets and bar are taken from, if the recording does not say",
+    )
+    made.add_argument("--json", action="store_true", help="print JSON")
+    return made
+
+
+def _plot(args: argparse.Namespace) -> int:
+    from lodeline.plotting import page, png
+    from lodeline.plotting.kinds import figures
+    from lodeline.plotting.run import Run
+
+    run = Run(args.recording, _params(args.pipeline))
+    made, left_out = figures(run)
+    files: dict[str, list[str]] = {each.kind: [] for each in made}
+    if args.png is not None:
+        for figure, file in zip(made, png.write(made, args.png, run.path.name), strict=True):
+            files[figure.kind].append(str(file))
+    if args.html is not None:
+        page.write(made, args.html, run.path.name, _facts(run), left_out)
+        for each in files.values():
+            each.append(str(args.html))
+    if args.json:
+        print(json.dumps({"plots": files, "left_out": left_out}, indent=1))
+        return 0
+    for figure in made:
+        print(f"{figure.kind:12} {figure.title}: {figure.note}")
+    for kind, why in left_out.items():
+        print(f"left out {kind}: {why}", file=sys.stderr)
+    if not run.known and "mahalanobis" in files:
+        print("gate, magnets and bar as by default: --pipeline FILE knows better", file=sys.stderr)
+    written = [str(args.html)] if args.html is not None else []
+    if args.png is not None:
+        written.insert(0, f"{len(made)} files in {args.png}")
+    if written:
+        print(f"written: {', '.join(written)}", file=sys.stderr)
+    return 0
+
+
+def _params(pipeline: str | None) -> LocalizerParams | None:
+    if pipeline is None:
+        return None
+    from lodeline.pipeline.load import find, load
+    from lodeline.recording.localizer import params_of
+
+    return params_of(load(find(pipeline)))
+
+
+def _facts(run: Run) -> str:
+    return f"{(run.end - run.start) * 1e-9:.1f} s, {run.source}".rstrip(", ")
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
