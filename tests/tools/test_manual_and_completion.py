@@ -74,7 +74,7 @@ def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("line", "expected"),
     [
-        ("lodeline gr", {"graph"}),
+        ("lodeline grap", {"graph"}),
         ("lodeline topic d", {"delay"}),
         ("lodeline topic echo --ti", {"--timeout"}),
         ("lodeline graph --m", {"--mermaid"}),
