@@ -40,9 +40,7 @@ class Bar:
         if track.pace.unmeasured:
             return []
         sights, _ = self._sights(track, hits, sharp=True)
-        return [
-            self._association.distances(track.belief, sight) for sight in sights if sight.fresh
-        ]
+        return [self._association.distances(track.belief, sight) for sight in sights if sight.fresh]
 
     def _is_torn(self, track: Track, hits: Hits) -> bool:
         """Whether a reading may be of other magnets than the nearest."""
