@@ -117,7 +117,9 @@ def _cause_of(text: str) -> Cause:
 
 
 # One packer serves all: packing built-in types never runs other Python code in between.
-_packb: Callable[[Any], bytes] = msgpack.Packer(use_bin_type=True, autoreset=True).pack
+_packb: Callable[[Any], bytes] = msgpack.Packer(
+    use_bin_type=True, autoreset=True, buf_size=MAX_BYTES
+).pack
 _packers: dict[type[Message], Callable[[Any], bytes]] = {}
 _unpackers: dict[type[Message], Callable[[bytes], Message]] = {}
 
