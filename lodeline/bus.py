@@ -54,7 +54,9 @@ class Publisher:
             congestion_control=zenoh.CongestionControl.DROP,
         )
         self._source = zenoh.SourceInfo(self._publisher.id, 0)
-        self._listener = self._publisher.declare_matching_listener(self._matching)
+        self._listener = self._publisher.declare_matching_listener(
+            zenoh.handlers.Callback(self._matching, indirect=False)
+        )
         status: Any = self._publisher.matching_status  # zenoh's own stub calls it a bool
         self.watched = status.matching
 

@@ -10,6 +10,8 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 
+from lodeline.supervisor import guard
+
 RETRY_S = 1.0
 GOODBYE_S = 0.5
 
@@ -38,7 +40,7 @@ class Groups:
         """Start a guard and tell it all groups."""
         if self._closed:
             return
-        command = [sys.executable, "-P", "-m", "lodeline.supervisor.guard", *self._marks]
+        command = [sys.executable, "-I", "-S", guard.__file__, *self._marks]
         self._guard = subprocess.Popen(
             command,
             bufsize=0,
