@@ -80,6 +80,7 @@ class Bus(SMBus):
         """Open it: BusError if it cannot be, unless `later` leaves that to `reopen`."""
         super().__init__()
         self.where = where
+        self.hung_s = float("-inf")  # the tick [s] in which it hung last: then for all its devices
         self._descriptors = descriptors if descriptors is not None else DeviceFile(where)
         if not later:
             self.reopen()

@@ -172,7 +172,8 @@ class StatusReporter:
         node = self._nodes[name]
         missed = self._new(name, "missed tick")
         if isinstance(node, Driver) and missed > MOST_MISSED * node.params.rate:
-            text = f"{missed} of {node.params.rate:g} in the last second, too much else runs here"
+            why = "too much else runs here, or its device hangs"
+            text = f"{missed} of {node.params.rate:g} in the last second, {why}"
             found.append(Complaint("degraded", f"MISSED_TICKS {name}", text))
         return [*found, *(pace for pace in paces if pace is not None)]
 

@@ -9,6 +9,7 @@ tried three times; after ten failed reads in a row the device counts as gone, an
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar
@@ -89,10 +90,7 @@ class Link:
             if now_s < self._next_s:
                 return False
             try:
-                if self._reopen:
-                    self._bus.reopen()
-                    self._reopen = False
-                wait = self._stages[self._stage]()
+                wait = self._next_stage(now_s)
             except (OSError, DeviceError) as error:
                 self._not_up(now_s, error)
                 return False
@@ -106,10 +104,12 @@ class Link:
         """Return what the transaction returns, or None if it failed three times."""
         for tried in range(RETRIES + 1):
             try:
+                self._check_hung(now_s)
                 result = transaction()
             except OSError as error:
                 failure = error
                 if error.errno == errno.ETIMEDOUT:
+                    self._bus.hung_s = now_s
                     break
             else:
                 self._failures = 0
@@ -120,6 +120,23 @@ class Link:
                 return result
         self._failed(now_s, failure)
         return None
+
+    def _next_stage(self, now_s: float) -> float:
+        self._check_hung(now_s)
+        try:
+            if self._reopen:
+                self._bus.reopen()
+                self._reopen = False
+            return self._stages[self._stage]()
+        except OSError as error:
+            if error.errno == errno.ETIMEDOUT:
+                self._bus.hung_s = now_s
+            raise
+
+    def _check_hung(self, now_s: float) -> None:
+        """A bus that hung in this tick is not waited for again: that would stop the work loop."""
+        if self._bus.hung_s == now_s:
+            raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
 
     def lost(self, now_s: float, message: str) -> None:
         """Bring the device up again from `now_s` on: it answers, but forgot its settings."""

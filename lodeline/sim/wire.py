@@ -17,7 +17,7 @@ from pathlib import Path
 
 from lodeline.sim.adapter import MAX_LENGTH, MAX_MESSAGES, Message
 
-ANSWER_TIMEOUT = 0.5  # s, far more than a transaction takes; then the bus counts as hung
+ANSWER_TIMEOUT = 0.1  # s, far more than a transaction takes; then the bus counts as hung
 _FRAME = struct.Struct("!I")
 _MESSAGE = struct.Struct("!HBH")
 _ERRNO = struct.Struct("!H")

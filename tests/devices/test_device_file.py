@@ -23,6 +23,7 @@ import pytest
 from lodeline.sim.params import RobotParams
 from lodeline.sim.robot import SimulatedRobot
 from lodeline.sim.server import I2cServer
+from tests.support.live import eventually
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -117,7 +118,9 @@ def test_words_and_blocks_go_both_ways(run: Run, robot: SimulatedRobot) -> None:
 
 def test_i2ctransfer_reads_gravity_in_one_burst(run: Run, robot: SimulatedRobot) -> None:
     robot.imu.reset()
-    time.sleep(0.05)
+    i2cget = tool("i2cget")
+    status = ("-y", "9", "0x68", "0x3a")
+    assert eventually(lambda: int(run(i2cget, *status).stdout, 16) & 1 == 1), "it has measured"
     result = run(tool("i2ctransfer"), "-y", "9", "w1@0x68", "0x3b", "r6")
     raw = bytes(int(word, 16) for word in result.stdout.split())
     force = [int.from_bytes(raw[i : i + 2], "big", signed=True) / 16384.0 for i in (0, 2, 4)]

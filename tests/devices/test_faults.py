@@ -120,6 +120,18 @@ def test_a_stuck_bus_is_named_and_hardly_holds_the_loop(rig: MakeRig) -> None:
     assert (spent[1] - spent[0]) * 0.05 <= 0.5, "of 3 s, in which ticks cannot come"
 
 
+def test_a_bus_that_hangs_is_asked_once_a_tick_however_many_devices_it_has(rig: MakeRig) -> None:
+    bench = rig()
+    encoders = Encoders(bench.bus)
+    bench.run(0.5, 100.0, encoders.read)
+    bench.fail = lambda address: 110
+    before = bench.transactions
+    bench.run(0.1, 100.0, encoders.read)
+    assert bench.transactions - before == 3
+    assert encoders.health.state == "fault"
+    assert encoders.health.message.startswith("I2C_HANG encoders ")
+
+
 @pytest.mark.parametrize("power", [False, True])
 @pytest.mark.parametrize("chip", ["mpu9250", "mpu6050"])
 def test_a_chip_that_resets_in_flight_sends_nothing_on_another_scale(

@@ -18,6 +18,7 @@ import pytest
 from lodeline.i2c import open_bus
 from lodeline.sim.robot import RobotParams, SimulatedRobot
 from lodeline.sim.server import I2cServer
+from tests.support.live import eventually
 
 ROOT = Path(__file__).parents[2]
 CLIENT = """
@@ -228,11 +229,10 @@ def test_a_closed_server_leaves_no_threads_and_no_descriptors(
     with pytest.raises(OSError):
         buses[0].read_byte_data(0x68, 0x75)
     buses[0].close()
-    deadline = time.monotonic() + 5.0
-    while time.monotonic() < deadline:
+
+    def left() -> tuple[int, list[str]]:
         names = [thread.name for thread in threading.enumerate()]
-        left = len(list(Path("/proc/self/fd").iterdir())) - open_descriptors
-        if left <= 0 and not any(name.startswith("i2c-") for name in names):
-            return
-        time.sleep(0.01)
-    pytest.fail(f"left: {left} descriptors, threads {names}")
+        descriptors = len(list(Path("/proc/self/fd").iterdir())) - open_descriptors
+        return max(0, descriptors), [name for name in names if name.startswith("i2c-")]
+
+    assert eventually(lambda: left() == (0, []), 5.0), left()
