@@ -297,14 +297,14 @@ def test_a_magnetometer_that_repeats_itself_is_silenced(
     rig: MakeRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = rig(speed=0.0)
+    still = bench.robot.mag._magnetic_field(2.0)
     out = mag_trial(
         bench,
-        lambda: monkeypatch.setattr(
-            bench.robot.mag, "_magnetic_field", lambda t: (20e-6, 20e-6, -40e-6)
-        ),
+        lambda: monkeypatch.setattr(bench.robot.mag, "_magnetic_field", lambda t: still),
         monkeypatch.undo,
     )
-    assert out.sent <= 2, "the measurement of before, and the first of these"
+    assert out.sent <= 1, "what it stopped at"
+    assert out.false == 0
     assert out.noticed <= 0.3
     assert out.messages[0] == "MAG_STUCK mag: field unchanged over 25 measurements"
     assert (out.after, out.recovered <= 0.03) == ("ok", True)
@@ -455,7 +455,7 @@ def test_a_reed_that_sticks_is_masked_after_three_magnets(rig: MakeRig) -> None:
     way = (masked - 1.0) * 0.2
     assert begun.v == pytest.approx(0.2, rel=0.1)
     print(f"\nmasked after {way:.2f} m")
-    assert way <= 0.6
+    assert way <= 0.2
     chip._pulled_low = low
     bench.run(5.0, 100.0, bar.read)
     assert (bar.health.state, bar.health.message) == ("ok", "REED_FREE bar: all reeds open again")
