@@ -1,4 +1,4 @@
-# make demo [SECONDS=20]   a simulated robot finds itself; Ctrl-C stops it
+# make demo [SECONDS=20]   a simulated robot finds itself, in a browser; Ctrl-C stops it
 # make test                everything that must hold before a change is done
 
 VENV := .venv
@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 demo: $(READY)
-	@$(BIN)/lodeline up $(if $(SECONDS),--seconds $(SECONDS))
+	@$(BIN)/lodeline demo $(if $(SECONDS),--seconds $(SECONDS))
 
 test: $(READY)
 	$(BIN)/ruff format --check .

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lodeline.recording import RecordingError
+from lodeline.terminal.numbers import positive, seconds
 from lodeline.watch import NothingThereError
 
 if TYPE_CHECKING:  # MCAP is loaded by the verbs that need it
@@ -51,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
     verb = verbs.add_parser("record", help="write down what a running pipeline sends, until Ctrl-C")
     verb.add_argument("keys", nargs="*", metavar="KEY", help="default: all")
     _output(verb, "PIPELINE-DATE-TIME.mcap")
-    verb.add_argument("--seconds", type=_positive, metavar="N", help="end after N seconds")
+    verb.add_argument("--seconds", type=positive, metavar="N", help="end after N seconds")
     verb.add_argument("--name", metavar="PIPELINE", help="which one, if several run")
     verb.set_defaults(verb=_record)
 
@@ -92,8 +93,8 @@ def parser() -> argparse.ArgumentParser:
 
     verb = verbs.add_parser("play", help="send a recording to a running pipeline")
     verb.add_argument("file", type=Path)
-    verb.add_argument("--rate", type=_positive, default=1.0, help="times as fast as recorded")
-    verb.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="from here on")
+    verb.add_argument("--rate", type=positive, default=1.0, help="times as fast as recorded")
+    verb.add_argument("--start", type=seconds, default=0.0, metavar="S", help="from here on")
     verb.add_argument("--loop", action="store_true", help="again and again, until Ctrl-C")
     verb.add_argument("--keys", nargs="+", default=[], metavar="KEY", help="these keys only")
     verb.add_argument("--name", metavar="PIPELINE", help="which one, if several run")
@@ -117,20 +118,6 @@ def _output(verb: argparse.ArgumentParser, default: str = "") -> None:
         "-o", "--output", type=Path, required=not default, metavar="OUT.mcap", help=text
     )
     verb.add_argument("--force", action="store_true", help="replace the output if it exists")
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value
-
-
-def _not_negative(text: str) -> float:
-    value = float(text)
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is no time from 0 on")
-    return value
 
 
 def _import(args: argparse.Namespace) -> int:

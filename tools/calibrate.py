@@ -27,6 +27,7 @@ from lodeline.calibration_file import CalibrationFileError, Section, load, previ
 from lodeline.recording import RecordingError
 from lodeline.recording.raw_readings import CLASSES, Readings, read
 from lodeline.rotation import Vector
+from lodeline.terminal.numbers import positive
 
 EXIT_FAILED, EXIT_NOTHING = 1, 4
 LIVE_SECONDS = {"gyro": 5.0, "accel": 120.0, "mag": 60.0, "wheels": 60.0}
@@ -97,20 +98,20 @@ def parser() -> argparse.ArgumentParser:
         default="auto",
         help="mag: how to fit; auto takes the ellipsoid if all sides were seen, else the ellipse",
     )
-    parser.add_argument("--seconds", type=_positive, metavar="S", help="live: give up after S")
+    parser.add_argument("--seconds", type=positive, metavar="S", help="live: give up after S")
     parser.add_argument("--name", metavar="PIPELINE", help="live: which one, if several run")
-    parser.add_argument("--distance", type=_positive, metavar="M", help="wheels: metres driven")
-    parser.add_argument("--turns", type=_positive, metavar="N", help="wheels: turns on one spot")
+    parser.add_argument("--distance", type=positive, metavar="M", help="wheels: metres driven")
+    parser.add_argument("--turns", type=positive, metavar="N", help="wheels: turns on one spot")
     parser.add_argument(
         "--ticks-per-turn",
-        type=_positive,
+        type=positive,
         default=360.0,
         metavar="N",
         help="wheels: counts while a wheel turns once, gear and all (default: 360)",
     )
     parser.add_argument(
         "--wheel-radius",
-        type=_positive,
+        type=positive,
         metavar="M",
         help="wheels, for --turns: if it is not in the file",
     )
@@ -255,13 +256,6 @@ def _use(args: argparse.Namespace, section: Section) -> str:
         values = ", ".join(f"{name}: {section[name]}" for name in names if name in section)
         return f"to use it, write into the params of nodes/odometry.py: {{{values}}}"
     return f"to use it, write into the params of nodes/calibrate.py: {{file: {args.output}}}"
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ import contextlib
 import signal
 import sys
 
+from lodeline.terminal.numbers import port, seconds
+
 EXIT_FAILED, EXIT_NOTHING, EXIT_INTERRUPTED = 1, 4, 130
 
 
@@ -27,7 +29,7 @@ def main(argv: list[str]) -> int:
         print(error, file=sys.stderr)
         return EXIT_NOTHING
     try:
-        return asyncio.run(_serve(name, arguments.port, arguments.open, arguments.seconds))
+        return asyncio.run(_serve(name, arguments))
     except OSError as error:
         print(f"cannot serve on port {arguments.port}: {error.strerror}", file=sys.stderr)
         return EXIT_FAILED
@@ -41,42 +43,29 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     made.add_argument("--name", help="which pipeline, if several run")
-    made.add_argument("--port", type=_port, default=0, help="default: one that is free")
+    made.add_argument("--port", type=port, default=0, help="default: one that is free")
     made.add_argument("--open", action="store_true", help="open the page in a browser")
-    made.add_argument("--seconds", type=_seconds, metavar="N", help="stop after N seconds")
+    made.add_argument("--seconds", type=seconds, metavar="N", help="stop after N seconds")
     return made
 
 
-def _port(text: str) -> int:
-    port = int(text)
-    if not 0 <= port < 1 << 16:
-        raise ValueError(text)
-    return port
-
-
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not 0.0 <= seconds < float("inf"):
-        raise ValueError(text)
-    return seconds
-
-
-async def _serve(name: str, port: int, show: bool, seconds: float | None) -> int:
+async def _serve(name: str, arguments: argparse.Namespace) -> int:
     from lodeline.dash.gateway import Gateway
+    from lodeline.dash.show import open_page
 
     loop = asyncio.get_running_loop()
     over: asyncio.Future[int] = loop.create_future()
     for number, code in ((signal.SIGINT, EXIT_INTERRUPTED), (signal.SIGTERM, 0)):
         loop.add_signal_handler(number, _end, over, code)
-    async with Gateway(name, port) as gateway:
+    async with Gateway(name, arguments.port) as gateway:
         print(gateway.url, flush=True)
         print(f"{name} in a browser; stop: Ctrl-C", file=sys.stderr, flush=True)
-        if show:
-            await asyncio.to_thread(_show, gateway.url)
+        if arguments.open:
+            await open_page(gateway.url)
         serving = asyncio.create_task(gateway.wait())
         serving.add_done_callback(lambda task: _failed(over, task))
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(seconds):
+            async with asyncio.timeout(arguments.seconds):
                 return await over
     return 0
 
@@ -90,13 +79,6 @@ def _failed(over: asyncio.Future[int], serving: asyncio.Task[None]) -> None:
 def _end(over: asyncio.Future[int], code: int) -> None:
     if not over.done():
         over.set_result(code)
-
-
-def _show(url: str) -> None:
-    import webbrowser
-
-    if not webbrowser.open(url):
-        print("no browser found here: open the link yourself", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

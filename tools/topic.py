@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lodeline.tables import table
+from lodeline.terminal.numbers import positive
 from lodeline.terminal.samples import make_message, read_values, sample_text
 from lodeline.terminal.traffic import (
     Row,
@@ -80,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
     echo = verbs.add_parser("echo", parents=[common], help="print samples as they come")
     echo.add_argument("key")
     echo.add_argument("-n", "--count", type=_count, help="stop after so many samples")
-    echo.add_argument("--timeout", type=_positive, metavar="S", help="give up after S seconds")
+    echo.add_argument("--timeout", type=positive, metavar="S", help="give up after S seconds")
     echo.add_argument("--bag", type=Path, metavar="FILE", help="samples of a recording instead")
     echo.set_defaults(run=_echo)
 
@@ -103,7 +104,7 @@ def parser() -> argparse.ArgumentParser:
     pub.add_argument(
         "values", nargs="+", help="field=value, or a map: '{v: 0.1, w: 0}'; stamp and seq are made"
     )
-    pub.add_argument("--rate", type=_positive, metavar="HZ", help="again and again, until Ctrl-C")
+    pub.add_argument("--rate", type=positive, metavar="HZ", help="again and again, until Ctrl-C")
     pub.add_argument("-n", "--count", type=_count, help="stop after so many (default: 1, or all)")
     pub.set_defaults(run=_pub)
     return parser
@@ -114,13 +115,6 @@ def _count(text: str) -> int:
     if count < 1:
         raise ValueError(text)
     return count
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise ValueError(text)
-    return value
 
 
 def _list(watch: Watch, arguments: argparse.Namespace) -> int:

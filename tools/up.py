@@ -21,6 +21,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lodeline.terminal.numbers import seconds
+
 if TYPE_CHECKING:
     from lodeline.hosts.offset import Offset
     from lodeline.pipeline.model import Pipeline
@@ -77,16 +79,9 @@ def parser() -> argparse.ArgumentParser:
         help="override a parameter; may be given several times",
     )
     parser.add_argument(
-        "--seconds", type=_seconds, metavar="N", help="stop N seconds after the sources started"
+        "--seconds", type=seconds, metavar="N", help="stop N seconds after the sources started"
     )
     return parser
-
-
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not 0.0 <= seconds < float("inf"):
-        raise ValueError(text)
-    return seconds
 
 
 def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: float) -> int:
