@@ -152,17 +152,24 @@ class Session:
 
     def serve(self, key: str, answer: Callable[[], bytes]) -> None:
         """Answer every query of `key` with what `answer()` returns."""
+        self.serve_told(key, lambda _: answer())
+
+    def serve_told(self, key: str, answer: Callable[[bytes], bytes]) -> None:
+        """Answer every query of `key` with what `answer(data)` returns, `data` being its own."""
 
         def reply(query: zenoh.Query) -> None:
-            query.reply(key, answer())
+            query.reply(key, answer(b"" if query.payload is None else query.payload.to_bytes()))
 
         self._kept.append(self._session.declare_queryable(key, reply))
 
-    def ask(self, key: str, timeout: float = 1.0) -> list[tuple[str, bytes]]:
-        """All answers (key, data) to a query, at most `timeout` seconds later."""
+    def ask(self, key: str, timeout: float = 1.0, data: bytes = b"") -> list[tuple[str, bytes]]:
+        """All answers (key, data) to a query that holds `data`, at most `timeout` seconds later."""
         # Two machines that claim one host answer with one key: both are wanted.
         replies = self._session.get(
-            key, timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE
+            key,
+            timeout=timeout,
+            payload=data or None,
+            consolidation=zenoh.ConsolidationMode.NONE,
         )
         good = [reply.ok for reply in replies if reply.ok is not None]
         return [(str(sample.key_expr), sample.payload.to_bytes()) for sample in good]

@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from lodeline.calibration import ImuCalibration
+from lodeline.odometry import OdometryParams
 
-C = TypeVar("C", bound=ImuCalibration)
+C = TypeVar("C", bound=ImuCalibration | OdometryParams)
 Section = dict[str, Any]
 
 HEAD = re.compile(rb"# lodeline calibration, crc32 ([0-9a-f]{8})\n")
@@ -90,36 +91,54 @@ def calibrated(params: C, file: str) -> tuple[C, str]:
     """
     if not file:
         return params, ""
-    from lodeline.params import build
-
     path = Path(file).expanduser()
     loaded = load(path)
-    known = {item.name for item in fields(ImuCalibration)}
+    try:
+        return _with_sections(params, loaded.sections), loaded.note
+    except ValueError as error:
+        raise CalibrationFileError(f"CAL_CORRUPT {path}: {error}") from None
+
+
+def calibrated_by(params: C, data: bytes) -> C:
+    """The parameters with those of a file that holds `data` in their place.
+
+    ValueError if that is damaged, or says what makes no sense.
+    """
+    return _with_sections(params, _parsed(data, "the calibration"))
+
+
+def _with_sections(params: C, sections: Mapping[str, Section]) -> C:
+    from lodeline.params import build
+
+    known = {item.name for item in fields(params)}
     values = {
         name: value
-        for section in loaded.sections.values()
+        for section in sections.values()
         for name, value in section.items()
         if name in known
     }
-    made, problems = build(ImuCalibration, values)
+    made, problems = build(type(params), values)
     if made is None:
-        raise CalibrationFileError(f"CAL_CORRUPT {path}: {problems[0].text}")
-    return replace(params, **{name: getattr(made, name) for name in values}), loaded.note
+        raise ValueError(problems[0].text)
+    return replace(params, **{name: getattr(made, name) for name in values})
 
 
 def _read(file: Path) -> dict[str, Section]:
     """The sections of one file; ValueError if it is not what somebody meant to write."""
+    return _parsed(file.read_bytes(), str(file))
+
+
+def _parsed(data: bytes, name: str) -> dict[str, Section]:
     from lodeline.pipeline.document import parse
     from lodeline.pipeline.faults import Fault, PipelineError, Place
 
-    data = file.read_bytes()
     if any(word in data.partition(b"\n")[0] for word in HEAD_WORDS):
         head = HEAD.match(data)
         if head is None or int(head[1], 16) != zlib.crc32(data[head.end() :]):
             raise ValueError("crc")
     faults: list[Fault] = []
     try:
-        item = parse(data.decode(), lambda line, _: Place(str(file), line + 1, 1), faults)
+        item = parse(data.decode(), lambda line, _: Place(name, line + 1, 1), faults)
     except PipelineError as error:
         faults.extend(error.faults)
         item = None
@@ -130,9 +149,9 @@ def _read(file: Path) -> dict[str, Section]:
     sections = item.plain() if item is not None else None
     if not isinstance(sections, dict) or not sections:
         raise ValueError("is empty")
-    for name, section in sections.items():
-        if name not in SECTIONS or not isinstance(section, Mapping):
-            raise ValueError(f"{name} is none of the sections {', '.join(SECTIONS)}")
+    for key, section in sections.items():
+        if key not in SECTIONS or not isinstance(section, Mapping):
+            raise ValueError(f"{key} is none of the sections {', '.join(SECTIONS)}")
     return sections
 
 

@@ -12,7 +12,17 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Generic, Protocol, TypeVar, get_args, get_origin, overload
+from typing import (
+    Any,
+    ClassVar,
+    Generic,
+    NamedTuple,
+    Protocol,
+    TypeVar,
+    get_args,
+    get_origin,
+    overload,
+)
 
 from lodeline_msgs import Message
 
@@ -131,6 +141,13 @@ class Context:
         self.rejected[cause] += 1
 
 
+class CalibrationInUse(NamedTuple):
+    """What a node goes by: parameters by name, and the file that it takes at its start, or ""."""
+
+    values: dict[str, Any]
+    file: str = ""
+
+
 class Node(Generic[P]):
     """Base of all nodes: `class Odometry(Node[OdometryParams])`.
 
@@ -160,6 +177,14 @@ class Node(Generic[P]):
 
     def resume(self, state: Any) -> None:
         """Go on from the `State` of a predecessor that died."""
+
+    def calibrate(self, data: bytes) -> CalibrationInUse:
+        """Go by a calibration file from now on, for those that have any use for one.
+
+        `data` is what the file holds, or nothing: then all stays as it is. The answer is what was
+        in use before. ValueError, with the node as it was, if the file makes no sense.
+        """
+        raise NotImplementedError
 
     @classmethod
     def inputs(cls) -> dict[str, Input[Any]]:

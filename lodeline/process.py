@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import json
 import os
 import sys
 import threading
 import time
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +95,9 @@ class NodeProcess:
                 recent = Recent(self.bus.id)
                 self.graph.tap(key, recent.tap)
                 self.bus.serve(recent_key(key), recent.answer)
+        if type(node).calibrate is not Node.calibrate:
+            key = f"{self.launch.pipeline}/@calibrate/{self.launch.host}/{item.name}"
+            self.bus.serve_told(key, partial(self._calibrate, node))
         for port, edge in item.inputs.items():
             if edge.key in self.graph.sent:
                 continue  # a neighbour in this process hands it over directly
@@ -121,6 +126,14 @@ class NodeProcess:
                 take(data, source)
 
         return taker
+
+    def _calibrate(self, node: Node[Any], data: bytes) -> bytes:
+        try:
+            with self.lock:
+                before = node.calibrate(data)
+        except ValueError as error:
+            return json.dumps({"refused": str(error)}).encode()
+        return json.dumps(before._asdict()).encode()
 
     def _handler_failed(self, name: str, message: Message, error: Exception) -> None:
         import traceback

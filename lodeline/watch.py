@@ -17,6 +17,8 @@ from lodeline_msgs import DecodeError, NodeStatus, unpack
 
 PATIENCE_S = 2.0
 """After this long without an answer, a tool says what it waits for."""
+CALIBRATING = "@calibrating"
+"""Key below the pipeline's name on which a calibration shows how far it is, in JSON."""
 LOOK_S = 1.0
 """How often a tool that waits looks whether the pipeline still runs."""
 
@@ -168,9 +170,9 @@ class Watch:
                     bars[frozenset((word, link["host"]))] = link["clock"]["error"]
         return bars
 
-    def ask(self, what: str, rest: str = "") -> dict[str, Any]:
-        """Answers of the supervisors to `NAME/WHAT/HOST` and the rest, by host."""
-        answers = self._client.ask(f"{self.manifest.name}/{what}/*{rest}")
+    def ask(self, what: str, rest: str = "", data: bytes = b"") -> dict[str, Any]:
+        """Answers to `NAME/WHAT/HOST` and the rest, asked with `data`, by host."""
+        answers = self._client.ask(f"{self.manifest.name}/{what}/*{rest}", data=data)
         return {key.split("/")[2]: json.loads(data) for key, data in answers}
 
     def subscribe(self, key: str, queue: int, take: Callable[[str, bytes, str], None]) -> None:

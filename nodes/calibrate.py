@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Annotated
 
 from lodeline.calibration import Calibrator, ImuCalibration
-from lodeline.calibration_file import CalibrationFileError, calibrated
-from lodeline.node import Input, Node, Output
+from lodeline.calibration_file import CalibrationFileError, calibrated, calibrated_by
+from lodeline.node import CalibrationInUse, Input, Node, Output
 from lodeline_msgs import Imu, MagneticField
 
 
@@ -28,6 +29,7 @@ class Calibrate(Node[CalibrateParams]):
 
     def setup(self) -> None:
         self.calibrator: Calibrator | None = None
+        self.file = str(Path(self.params.file).expanduser().resolve()) if self.params.file else ""
         try:
             calibration, note = calibrated(self.params, self.params.file)
         except CalibrationFileError as error:
@@ -56,6 +58,13 @@ class Calibrate(Node[CalibrateParams]):
             self.context.reject("no calibration")
             return
         self.mag.send(MagneticField(raw.stamp, self.calibrator.magnetic_field(raw.magnetic_field)))
+
+    def calibrate(self, data: bytes) -> CalibrationInUse:
+        known = self.calibrator.calibration if self.calibrator else ImuCalibration()
+        if data:
+            self.calibrator = Calibrator(calibrated_by(self.params, data))
+            self.context.report("running", "")
+        return CalibrationInUse(asdict(known), self.file)
 
 
 if __name__ == "__main__":

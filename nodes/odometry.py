@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from lodeline import odometry
-from lodeline.node import Input, Node, Output
+from lodeline.calibration_file import calibrated_by
+from lodeline.node import CalibrationInUse, Input, Node, Output
 from lodeline.odometry import OdometryParams, OdometryState
 from lodeline_msgs import Odometry, WheelTicks
 
@@ -16,7 +19,8 @@ class OdometryNode(Node[OdometryParams]):
     odom = Output(Odometry)
 
     def setup(self) -> None:
-        self.odometry = odometry.Odometry(self.params)
+        self.drive = self.params
+        self.odometry = odometry.Odometry(self.drive)
 
     @wheels.handler
     def on_wheels(self, ticks: WheelTicks) -> None:
@@ -45,6 +49,15 @@ class OdometryNode(Node[OdometryParams]):
 
     def resume(self, state: OdometryState) -> None:
         self.odometry.resume(state)
+
+    def calibrate(self, data: bytes) -> CalibrationInUse:
+        """The pose stays: the new lengths hold for the way from here on."""
+        known = self.drive
+        if data:
+            self.drive = calibrated_by(self.params, data)
+            state, self.odometry = self.odometry.state, odometry.Odometry(self.drive)
+            self.odometry.resume(state)
+        return CalibrationInUse(asdict(known))
 
 
 if __name__ == "__main__":

@@ -1,14 +1,15 @@
 """Calibrate a sensor from a recording, a table, or the pipeline that runs now.
 
 gyro: the sensor lies still for five seconds. accel: it lies still on each of its six sides, a
-second or more each, in any order. mag: the robot turns on the spot, once or more, or is turned
-about all its axes. wheels: a straight line of --distance metres (their radius), or --turns on one
-spot, counter-clockwise (their track).
+second or more each, in any order. mag: the robot turns on the spot, twice. wheels: a straight line
+of --distance metres (their radius), or --turns on one spot, counter-clockwise (their track).
 
-A table (CSV) has the columns of `lodeline estimate`, or t_s, left, right for wheels. The result is
-a section of a YAML file; `params: {file: ...}` of nodes/calibrate.py makes it hold. What is in the
-file already stays, the version before is kept as FILE.prev. Exit codes: 0 written, 1 refused (the
-reason is told, the file is as it was), 2 usage, 4 no pipeline runs.
+With a pipeline that runs, the terminal and the page show what is still missing, and the nodes that
+read the sensor go by the result at once. A table (CSV) has the columns of `lodeline estimate`, or
+t_s, left, right for wheels. The result is a section of a YAML file; `params: {file: ...}` of
+nodes/calibrate.py makes it hold from then on. What is in the file already stays, the version before
+is kept as FILE.prev. Exit codes: 0 written, 1 refused (the reason is told, the file is as it was),
+2 usage, 4 no pipeline runs.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lodeline.calibration import CalibrationRefusedError
 from lodeline.calibration.compass import CompassFit, fit_ellipse, fit_ellipsoid, fit_minmax
@@ -29,10 +31,10 @@ from lodeline.recording.raw_readings import CLASSES, Readings, read
 from lodeline.rotation import Vector
 from lodeline.terminal.numbers import positive
 
+if TYPE_CHECKING:
+    from lodeline.node import CalibrationInUse
+
 EXIT_FAILED, EXIT_NOTHING = 1, 4
-LIVE_SECONDS = {"gyro": 5.0, "accel": 120.0, "mag": 60.0, "wheels": 60.0}
-TRY_EVERY_S = 2.0
-WHOLE_TURN = 6.1  # rad; a live calibration waits for it
 MOST_READINGS = 20_000  # a fit of more gets no better, only slower
 
 
@@ -44,14 +46,12 @@ def main(argv: list[str]) -> int:
     from lodeline.watch import NothingThereError
 
     try:
-        readings = read(args.source, args.kind) if args.source else follow(args)
-        section = calibration(args, readings)
-        stamped = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-        origin = args.source.name if args.source else "live"
-        kept = args.output.exists()
-        store(
-            args.output, args.kind, {"date": stamped, "chip": args.chip, "source": origin} | section
-        )
+        if args.source:
+            section = calibration(args, read(args.source, args.kind))
+            print(_written(args, section, args.source.name))
+            print(_use(args, section))
+        else:
+            _live(args)
     except NothingThereError as error:
         print(error, file=sys.stderr)
         return EXIT_NOTHING
@@ -61,11 +61,58 @@ def main(argv: list[str]) -> int:
     except (RecordingError, CalibrationFileError, OSError) as error:
         print(error, file=sys.stderr)
         return EXIT_FAILED
-    before = f", the version before is {previous(args.output)}" if kept else ""
-    print(
-        f"{section['verdict']}\n{args.output}: {args.kind} written{before}\n{_use(args, section)}"
-    )
     return 0
+
+
+def _written(args: argparse.Namespace, section: Section, origin: str) -> str:
+    """Write the section into the file; what there is to say of it."""
+    stamped = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    kept = args.output.exists()
+    store(args.output, args.kind, {"date": stamped, "chip": args.chip, "source": origin} | section)
+    before = f", the version before is {previous(args.output)}" if kept else ""
+    return f"{section['verdict']}\n{args.output}: {args.kind} written{before}"
+
+
+def _live(args: argparse.Namespace) -> None:
+    """Calibrate with the pipeline that runs, and let it go by what came of it."""
+    from lodeline.terminal.wizard import Wizard
+    from lodeline.watch import Watch, choose
+
+    with Watch(choose(args.name)) as watch:
+        fit = partial(fit_compass, args.method)
+        wizard = Wizard(watch, args.kind, args.seconds, args.ticks_per_turn, fit)
+        try:
+            readings = wizard.gather()
+            section = calibration(args, readings)
+        except CalibrationRefusedError as error:
+            wizard.refused(str(error))
+            raise
+        drawn = None
+        if args.kind == "mag":
+            drawn = wizard.show_fit(readings, fit(readings.fields), wizard.in_use())
+        print(_written(args, section, "live"))
+        if drawn:
+            print(drawn.words)
+        wizard.written(section["verdict"], drawn)
+        answers = wizard.hand_over(args.output.read_bytes())
+        print("\n".join(_taken(args, section, answers)))
+
+
+def _taken(
+    args: argparse.Namespace, section: Section, answers: dict[str, CalibrationInUse | str]
+) -> list[str]:
+    """Which nodes go by the new calibration already, and what makes the others do so."""
+    lines = []
+    lasting = False
+    for node, answer in answers.items():
+        if isinstance(answer, str):
+            lines.append(f"{node} does not take it: {answer}")
+        elif answer.file == str(args.output.resolve()):
+            lines.append(f"{node} goes by it from now on")
+            lasting = True
+        else:
+            lines.append(f"{node} goes by it now, until it is started again")
+    return lines if lasting else [*lines, _use(args, section)]
 
 
 def parser() -> argparse.ArgumentParser:
@@ -193,61 +240,6 @@ def fit_wheels(args: argparse.Namespace, readings: Readings) -> Section:
 
 def _wheels_verdict(name: str, fit: WheelFit) -> str:
     return f"{name} {fit.length:.5f} m, the wheels differ by {100.0 * fit.difference:.1f} %"
-
-
-def follow(args: argparse.Namespace) -> Readings:
-    """Samples of the running pipeline, until they suffice or time is up."""
-    from lodeline.watch import Watch, choose
-    from lodeline_msgs import unpack
-
-    cls, ending = CLASSES[args.kind]
-    seconds = args.seconds or LIVE_SECONDS[args.kind]
-    enough: Callable[[Readings], bool] = _ENOUGH.get(args.kind, lambda _: False)
-    readings = Readings()
-    tried = 0.0
-
-    def take(data: bytes, _encoding: str) -> bool:
-        nonlocal tried
-        readings.take(unpack(data, cls))
-        if readings.seconds >= seconds:
-            return False
-        if readings.seconds - tried < TRY_EVERY_S:
-            return True
-        tried = readings.seconds
-        if sys.stderr.isatty():
-            print(f"{tried:.0f} of {seconds:.0f} s at most", file=sys.stderr)
-        return not enough(readings)
-
-    with Watch(choose(args.name)) as watch:
-        print(f"{_TODO[args.kind]} ({seconds:.0f} s at most)", file=sys.stderr, flush=True)
-        watch.follow(watch.full_key(ending), take, seconds + TRY_EVERY_S)
-    if not readings.times:
-        raise CalibrationRefusedError(f"nothing came on .../{ending}")
-    return readings
-
-
-def _turned_round(readings: Readings) -> bool:
-    try:
-        return fit_compass("auto", readings.fields).coverage > WHOLE_TURN
-    except CalibrationRefusedError:
-        return False
-
-
-def _all_sides(readings: Readings) -> bool:
-    try:
-        fit_accelerometer(resting_means(readings.forces, readings.rates, readings.rate))
-    except CalibrationRefusedError:
-        return False
-    return True
-
-
-_ENOUGH = {"mag": _turned_round, "accel": _all_sides}
-_TODO = {
-    "gyro": "keep the robot still",
-    "accel": "lay the sensor on each of its six sides, a second or more each",
-    "mag": "turn the robot on the spot, once or more",
-    "wheels": "drive now",
-}
 
 
 def _use(args: argparse.Namespace, section: Section) -> str:

@@ -4,6 +4,7 @@ The line gives the radius of the wheels, the turns give the track. Counts are th
 from beginning to end, of either sign; which way a counter runs is told, not needed.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -11,6 +12,8 @@ from lodeline.calibration.quality import CalibrationRefusedError
 
 FEWEST_TURNS = 3.0  # of a wheel; less drowns in play and in the eye that measured
 LARGEST_DIFFERENCE = 0.05  # of the counts of one wheel from the other
+STANDSTILL = 1.5  # [s]
+TREMBLE = 0.01  # of a turn, by which a wheel that stands may move
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +50,16 @@ def fit_track(
         raise CalibrationRefusedError("turns and wheel radius must be above zero")
     rolled, difference = _turns(left, right, ticks_per_turn, "was no turn on one spot")
     return WheelFit(2.0 * wheel_radius * rolled / turns, difference, -_sign(left), _sign(right))
+
+
+def stopped(times: Sequence[float], counts: Sequence[tuple[int, int]], per_turn: float) -> bool:
+    """Whether the wheels have stood still for the last STANDSTILL seconds of `times` [s].
+
+    `counts` (left, right) has one pair for each time, `per_turn` of them are a turn.
+    """
+    late = [pair for time, pair in zip(times, counts, strict=True) if time > times[-1] - STANDSTILL]
+    ranges = [max(side) - min(side) for side in zip(*late, strict=True)]
+    return times[-1] - times[0] > STANDSTILL and max(ranges) <= TREMBLE * per_turn
 
 
 def _turns(left: int, right: int, ticks_per_turn: float, fault: str) -> tuple[float, float]:

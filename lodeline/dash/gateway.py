@@ -117,8 +117,11 @@ class Gateway:
             if now >= status_due:
                 status_due = now + STATUS_S
                 status = json.dumps(run.status(), separators=(",", ":"))
+            calibrating = run.calibrating()
             for viewer in self._viewers:
                 viewer.frame_ready()
+                if calibrating is not None and viewer.greeted:
+                    viewer.post(calibrating)
                 if status is not None:
                     viewer.post_status(status)
 

@@ -14,10 +14,12 @@ from lodeline.dash.scene import drive_key, scene, status_of
 from lodeline.dash.tail import Tail
 from lodeline.pipeline.load import load_unchanged
 from lodeline.run_folder import Manifest, Running, running
+from lodeline.watch import CALIBRATING
 from lodeline_msgs import DecodeError, NodeStatus, Twist, encoding_of, pack, unpack
 
 LOOK_S = 0.5
 ASK_S = 1.0
+MAX_CALIBRATING = 32_768
 REST_S = 60.0
 """When nobody has looked for so long, the pipeline no more sends samples here."""
 
@@ -45,6 +47,8 @@ class Run:
             self._client.subscribe(key, 64, self.newest.take_detection)
         self._client.subscribe_kept(f"{self.manifest.name}/status/*", self._on_status)
         self._client.subscribe(f"{self.manifest.name}/@log/*", 64, self.tail.take)
+        self._client.subscribe(f"{self.manifest.name}/{CALIBRATING}", 1, self._on_calibrating)
+        self._calibrating: str | None = None
         self._kept_asked = False
         if wheel := drive_key(self.manifest):
             self._wheel = self._client.publisher(wheel, encoding_of(Twist))
@@ -57,6 +61,19 @@ class Run:
         known = self._statuses.get(status.node)
         if known is None or status.stamp >= known[0].stamp:
             self._statuses[status.node] = (status, time.monotonic())
+
+    def _on_calibrating(self, _key: str, data: bytes, _encoding: str) -> None:
+        try:
+            said = json.loads(data)
+        except ValueError:
+            return
+        if isinstance(said, dict) and len(data) <= MAX_CALIBRATING:
+            self._calibrating = json.dumps(said | {"t": "calibrate"})
+
+    def calibrating(self) -> str | None:
+        """What a calibration has to show since the last call, for the page."""
+        said, self._calibrating = self._calibrating, None
+        return said
 
     def ask_supervisors(self) -> None:
         """Let them tell of their processes and, once, what was logged; waits a second at most."""

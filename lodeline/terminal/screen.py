@@ -17,6 +17,25 @@ def colours() -> bool:
     return sys.stdout.isatty() and not os.environ.get("NO_COLOR")
 
 
+class Block:
+    """A few lines on standard error, shown in place; none where that is no terminal."""
+
+    def __init__(self) -> None:
+        self.seen = sys.stderr.isatty()
+        self._lines = 0
+
+    def show(self, text: str) -> None:
+        """Show a text instead of the one before, below whatever else was printed."""
+        if not self.seen:
+            return
+        wide = shutil.get_terminal_size().columns
+        lines = [line[:wide] + END_OF_LINE for line in text.splitlines()]
+        back = f"\x1b[{self._lines}A" if self._lines else ""
+        sys.stderr.write(f"\r{back}{REST}" + "".join(f"{line}\n" for line in lines))
+        sys.stderr.flush()
+        self._lines = len(lines)
+
+
 class Screen:
     """`with Screen() as screen: screen.show(text)`; on a terminal long lines are cut."""
 

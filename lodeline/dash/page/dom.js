@@ -39,6 +39,9 @@ export const ms = (seconds) => {
 export const hz = (rate) => (rate === undefined ? NONE : fixed(rate, rate < 9.95 ? 1 : 0));
 export const percent = (part) => `${fixed(part * 100, part < 0.0995 ? 1 : 0)} %`;
 
+// Padded with spaces as wide as a digit, so that what follows keeps its place.
+export const wide = (text, length) => text.padStart(length, "\u2007");
+
 export function duration(seconds) {
   const whole = Math.max(0, Math.floor(seconds));
   const two = (n) => String(n).padStart(2, "0");
@@ -62,25 +65,33 @@ export function readColours() {
 
 export const FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "DejaVu Sans", sans-serif';
 
-// A canvas measured in CSS pixels; `begin()` clears it and gives its context, null if unseen.
+// A canvas measured in units of a sixteenth of the root's font size, so that it grows with the
+// text; `begin()` clears it and gives its context, null if unseen.
 export class Surface {
   constructor(canvas, onResize = () => {}) {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
+    this.unit = 1;
     this.width = 0;
     this.height = 0;
     new ResizeObserver((entries) => {
       const box = entries[0].contentRect;
-      this.width = box.width;
-      this.height = box.height;
+      this.unit = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
+      this.width = box.width / this.unit;
+      this.height = box.height / this.unit;
       onResize();
     }).observe(canvas);
+  }
+
+  // Where an event is, in the canvas's own units.
+  at(event) {
+    return [event.offsetX / this.unit, event.offsetY / this.unit];
   }
 
   begin() {
     const { canvas, context, width, height } = this;
     if (width < 2 || height < 2) return null;
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const ratio = this.unit * Math.min(window.devicePixelRatio || 1, 2);
     const wide = Math.round(width * ratio);
     const high = Math.round(height * ratio);
     if (canvas.width !== wide || canvas.height !== high) {

@@ -70,7 +70,7 @@ export class Drive {
   listenToStick(stick) {
     const follow = (event) => {
       const box = stick.getBoundingClientRect();
-      const reach = box.width / 2 - 18;
+      const reach = box.width / 3;
       const x = (event.clientX - box.left - box.width / 2) / reach;
       const y = (event.clientY - box.top - box.height / 2) / reach;
       const length = Math.max(1, Math.hypot(x, y));
@@ -88,6 +88,6 @@ export class Drive {
 
   moveStick(forward, left) {
     this.stick = [forward, left];
-    $("stick").firstElementChild.style.transform = `translate(${-left * 34}px, ${-forward * 34}px)`;
+    $("stick").firstElementChild.style.transform = `translate(${-left * 85}%, ${-forward * 85}%)`;
   }
 }

@@ -1,14 +1,15 @@
 // The pipeline as a graph, left to right: nodes in layers, on each edge what flows over it.
 
-import { hz, ms, percent, put, svg } from "./dom.js";
+import { hz, ms, percent, put, svg, wide } from "./dom.js";
 import { healthOf, nodesOf } from "./health.js";
 
-const NODE = { width: 136, height: 40 };
-const ROW = 52;
+const NODE = { width: 132, height: 38 };
+const ROW = 46;
 const WIDTH = 1230;
-const LEFT = 84; // room for keys that come from outside
+const LEFT = 150; // room for keys that come from outside
 const RIGHT = 150; // room for keys that nobody here reads
 const TOP = 4;
+const LEGEND = "key, rate, age on arrival: median / 99 %, samples dropped (lost or too late)";
 const ONE_LINE = 235; // px between two layers in which a label needs but one line
 
 export class Graph {
@@ -51,7 +52,7 @@ export class Graph {
     this.gap = step - NODE.width;
     this.wire(edges, places, wires, labels);
     this.dangling(scene, edges, places, wires, labels);
-    this.root.append(wires, labels);
+    this.root.append(wires, labels, svg("text", { class: "legend", x: WIDTH - 6, y: height - 6 }, LEGEND));
     this.nodes = new Map(names.map((name) => [name, this.box(name, places.get(name))]));
     this.place.replaceChildren(this.root);
   }
@@ -108,7 +109,7 @@ export class Graph {
 
   updateEdge(edge, status) {
     const rate = edge.from ? status?.nodes[edge.from]?.rates[edge.key] : undefined;
-    put(edge.rate, edge.from ? `${hz(rate)} Hz` : "");
+    put(edge.rate, edge.from ? `${wide(hz(rate), 3)} Hz` : "");
     edge.wire.classList.toggle("still", !rate);
     const said = edge.to && status?.nodes[edge.to];
     if (!said) return;
@@ -118,8 +119,8 @@ export class Graph {
     }
     const p50 = said.age_p50[edge.key];
     put(edge.age, p50 === undefined ? "" : `${ms(p50)} / ${ms(said.age_p99[edge.key])} ms`);
-    const losses = ["lost", "late"].filter((name) => said[name][edge.key] > 0);
-    put(edge.loss, losses.map((name) => `${said[name][edge.key]} ${name}`).join(" "));
+    const drops = (said.lost[edge.key] ?? 0) + (said.late[edge.key] ?? 0);
+    put(edge.loss, drops ? `${drops} dropped` : "");
   }
 
   box(name, { x, y }) {

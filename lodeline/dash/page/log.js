@@ -8,15 +8,23 @@ export class Log {
   constructor(place) {
     this.place = place;
     this.list = el("ol");
+    this.lines = [];
     place.append(this.list);
   }
 
   add(at, who, text) {
     const { place, list } = this;
+    this.lines.push({ at, who, text });
+    if (this.lines.length > KEPT) this.lines.shift();
     const atEnd = place.scrollHeight - place.scrollTop - place.clientHeight < 30;
     list.append(el("li", {}, el("time", {}, clock(at)), el("b", {}, who), el("span", {}, text)));
     while (list.childElementCount > KEPT) list.firstChild.remove();
     if (atEnd) this.toEnd();
+  }
+
+  // The newest lines of one node.
+  of(name, count) {
+    return this.lines.filter(({ who }) => who === name).slice(-count);
   }
 
   toEnd() {

@@ -1,6 +1,7 @@
 // The page: takes what the gateway sends, and draws what has changed.
 
 import { $, NONE, degrees, duration, el, fixed, put, readColours, svg, wrapped } from "./dom.js";
+import { Calibration } from "./calibrate.js";
 import { CloseUp } from "./closeup.js";
 import { Drive } from "./drive.js";
 import { Graph } from "./graph.js";
@@ -25,11 +26,12 @@ const closeUp = new CloseUp($("closeup"));
 const horizon = new Horizon($("horizon"));
 const compass = new Compass($("compass"));
 const plots = new Plots($("plots"));
-const detail = new Detail((node) => line.send({ do: "restart", node }));
+const log = new Log($("log"));
+const detail = new Detail(log, (node) => line.send({ do: "restart", node }));
 const pick = (name) => detail.open(name, store);
 const graph = new Graph($("graph"), pick);
 const table = new NodeTable($("nodes"), pick);
-const log = new Log($("log"));
+const calibration = new Calibration();
 const drive = new Drive((message) => line.send(message));
 let trusted = false;
 
@@ -84,6 +86,9 @@ const line = new Line({
   log(said) {
     for (const [at, who, text] of said.lines) log.add(at, who, text);
   },
+  calibrate(said) {
+    calibration.show(said);
+  },
   note(said) {
     note(said.text);
   },
@@ -132,13 +137,14 @@ function showPose(frame) {
   put($("error"), frame.error === undefined ? NONE : fixed(frame.error * 1e3, 1));
   $("pose").dataset.seq = best?.seq ?? "";
   const stale = store.held === null && best?.age > STALE_S;
-  put($("flag"), stale ? `\u25b2 no pose for ${fixed(best.age, 0)} s` : "\u25b2 ambiguous");
-  $("flag").hidden = !stale && !pose?.ambiguous;
+  const ambiguous = pose?.ambiguous ? "\u25b2 ambiguous" : "";
+  put($("flag"), stale ? `\u25b2 no pose for ${fixed(best.age, 0)} s` : ambiguous);
   put($("roll"), tilt ? fixed(degrees(tilt.roll), 1) : NONE);
   put($("pitch"), tilt ? fixed(degrees(tilt.pitch), 1) : NONE);
   const yaw = pose?.yaw ?? tilt?.yaw ?? best?.yaw;
   put($("heading"), yaw === undefined ? NONE : fixed((450 - degrees(wrapped(yaw))) % 360, 0));
-  $("disturbed").hidden = !attitude?.disturbed;
+  put($("heading-word"), attitude?.disturbed ? "\u25b2 disturbed" : "heading");
+  $("heading-word").classList.toggle("flag", Boolean(attitude?.disturbed));
 }
 
 function showStatus() {

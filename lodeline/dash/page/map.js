@@ -2,7 +2,8 @@
 
 import { FONT, Surface, colours } from "./dom.js";
 
-const MARGIN = 34;
+const MARGIN = 28; // for the legend above and the scale below
+const CLOSEST = 600; // px per metre; a run that has just begun needs no magnifying glass
 const ROBOT_M = 0.055;
 const BAR_M = 0.035;
 
@@ -29,7 +30,7 @@ export class FloorMap {
 
   wheel(event) {
     event.preventDefault();
-    this.zoom(Math.exp(-event.deltaY * 0.0015), event.offsetX, event.offsetY);
+    this.zoom(Math.exp(-event.deltaY * 0.0015), ...this.surface.at(event));
   }
 
   // The floor under (px, py) stays where it is.
@@ -47,13 +48,13 @@ export class FloorMap {
 
   down(event) {
     this.surface.canvas.setPointerCapture(event.pointerId);
-    this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    this.pointers.set(event.pointerId, this.surface.at(event));
   }
 
   move(event) {
     const before = this.pointers.get(event.pointerId);
     if (!before) return;
-    const now = [event.offsetX, event.offsetY];
+    const now = this.surface.at(event);
     const other = [...this.pointers].find(([id]) => id !== event.pointerId)?.[1];
     this.pointers.set(event.pointerId, now);
     if (other) {
@@ -78,10 +79,10 @@ export class FloorMap {
       north = Math.max(north, best.y);
     }
     if (west > east) return;
-    const pad = 0.12;
+    const pad = 0.09;
     const wide = (this.surface.width - MARGIN) / (east - west + 2 * pad);
     const high = (this.surface.height - 2 * MARGIN) / (north - south + 2 * pad);
-    this.scale = Math.min(wide, high);
+    this.scale = Math.min(wide, high, CLOSEST);
     this.centre = [(west + east) / 2, (south + north) / 2];
   }
 

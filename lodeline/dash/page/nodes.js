@@ -1,9 +1,10 @@
 // The list of nodes, and one node in detail with its restart button.
 
-import { $, NONE, duration, el, fixed, hz, ms, percent, put } from "./dom.js";
+import { $, NONE, clock, duration, el, fixed, hz, ms, percent, put } from "./dom.js";
 import { healthOf, nodesOf } from "./health.js";
 
 const MB = 1 << 20;
+const LINES = 6;
 const HEADINGS = [["Node"], ["State"], ["Host"], ["Out", "n"], ["Age p50 / p99", "n"], ["Lost", "n"], ["Late", "n"], ["Refused", "n"], ["CPU", "n"], ["Memory", "n"], ["Restarts", "n"], ["Last error"]];
 const sum = (counts) => Object.values(counts ?? {}).reduce((a, b) => a + b, 0);
 const worst = (ages) => {
@@ -61,7 +62,8 @@ export class NodeTable {
 }
 
 export class Detail {
-  constructor(onRestart) {
+  constructor(log, onRestart) {
+    this.log = log;
     this.dialog = $("detail");
     this.button = $("restart");
     this.trusted = false;
@@ -113,11 +115,11 @@ export class Detail {
       ...fact("Scheduling", [process?.scheduling, process?.refused].filter(Boolean).join("; ")),
       ...fact("Last error", said?.last_error));
     const parts = [facts];
-    if (!said) return parts;
+    if (!said) return [...parts, ...this.words()];
     parts.push(...this.inputs(store, said), ...this.outputs(said));
     const refused = Object.entries(said.rejected).filter(([, count]) => count > 0);
     if (refused.length) parts.push(el("h3", {}, "Refused since it started"), lines(["Cause", "Count"], refused));
-    return parts;
+    return [...parts, ...this.words()];
   }
 
   inputs(store, said) {
@@ -130,6 +132,13 @@ export class Detail {
       `${queue}, ${oldest === null ? "any age" : `${ms(oldest)} ms`}`,
     ]);
     return rows.length ? [el("h3", {}, "In"), lines(["Key", "Age p50 / p99", "Lost", "Late", "Queue, max"], rows)] : [];
+  }
+
+  // What it has said lately.
+  words() {
+    const said = this.log.of(this.name, LINES);
+    const rows = said.map(({ at, text }) => el("li", {}, el("time", {}, clock(at)), el("span", {}, text)));
+    return [el("h3", {}, "Log"), rows.length ? el("ol", { class: "log" }, ...rows) : el("p", { class: "quiet" }, "It has said nothing.")];
   }
 
   outputs(said) {

@@ -3,6 +3,7 @@
 import { FONT, NONE, Surface, colours, degrees, el, fixed, wrapped } from "./dom.js";
 
 const SPAN_S = 60;
+const LEAST_S = 10; // of a run that has just begun
 const EDGE = { left: 36, right: 6, top: 20, bottom: 14 };
 
 const mm = (metres) => (metres === undefined ? undefined : metres * 1e3);
@@ -89,8 +90,9 @@ function drawPlot(plot, store) {
   const [low, high] = range.map(place);
   const y = (value) => box.bottom - ((place(value) - low) / (high - low)) * (box.bottom - box.top);
   const end = store.newest?.at ?? 0;
-  const x = (at) => box.right - ((end - at) / SPAN_S) * (box.right - box.left);
-  axes(c, plot, box, range, x, y, end);
+  const span = Math.min(SPAN_S, Math.max(LEAST_S, Math.ceil(end - (store.frames[0]?.at ?? end))));
+  const x = (at) => box.right - ((end - at) / span) * (box.right - box.left);
+  axes(c, plot, box, range, x, y, end, span);
   c.save();
   c.beginPath();
   c.rect(box.left, box.top - 1, box.right - box.left, box.bottom - box.top + 2);
@@ -133,7 +135,7 @@ function ticksOf(plot, [low, high]) {
   return ticks;
 }
 
-function axes(c, plot, box, range, x, y, end) {
+function axes(c, plot, box, range, x, y, end, span) {
   c.lineWidth = 1;
   c.strokeStyle = colours.grid;
   c.fillStyle = colours["ink-3"];
@@ -149,13 +151,15 @@ function axes(c, plot, box, range, x, y, end) {
     c.lineTo(box.right, at);
     c.fillText(plot.log && tick < 1 ? String(tick) : fixed(tick, digits), box.left - 4, at + 3.5);
   }
-  for (const back of [60, 40, 20, 0]) {
+  const step = [2, 5, 10, 20].find((s) => span / s <= 5.5) ?? 20;
+  const backs = [...Array(Math.floor(span / step) + 1).keys()].map((n) => n * step);
+  for (const back of backs) {
     const at = Math.round(x(end - back)) + 0.5;
     c.moveTo(at, box.top);
     c.lineTo(at, box.bottom);
   }
   c.stroke();
-  for (const back of [40, 20]) {
+  for (const back of backs.filter((b) => b > 0 && b < span * 0.95)) {
     c.textAlign = "center";
     c.fillText(`\u2212${back} s`, x(end - back), box.bottom + 11);
   }
@@ -250,7 +254,7 @@ function title(c, plot, frame, box) {
   const wide = c.measureText(plot.title).width;
   c.font = `11px ${FONT}`;
   c.fillStyle = colours["ink-3"];
-  c.fillText(plot.unit, 7 + wide, 12);
+  c.fillText(plot.unit, 8 + wide, 12);
   let right = box.right;
   for (const [name, colour, dash, value] of [...plot.series].reverse()) {
     const now = frame && value(frame);
