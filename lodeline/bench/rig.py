@@ -26,19 +26,22 @@ STOP_S = 20.0
 class Rig:
     """`with Rig(file) as rig:` a pipeline that is up; its log, processes, poses and truth.
 
-    Times in `log`, `poses` and `truths` are those of arrival [s], monotonic.
+    Times in `log`, `poses` and `truths` are those of arrival [s], monotonic. One that is `deaf`
+    hears no samples, so that none is sent for its sake.
     """
 
-    def __init__(self, file: str, *settings: str) -> None:
+    def __init__(self, file: str, *settings: str, deaf: bool = False) -> None:
+        self._deaf = deaf
         self._folder = tempfile.TemporaryDirectory(prefix="llb", ignore_cleanup_errors=True)
         self.log: list[tuple[float, str]] = []
         self.poses: list[tuple[float, PoseEstimate]] = []
         self.truths: list[tuple[float, Odometry]] = []
         self.counts: dict[str, int] = {}
+        self.environment = {**os.environ, "LODELINE_RUN": self._folder.name, "NO_COLOR": "1"}
         words = [word for setting in settings for word in ("--set", setting)]
         self.supervisor = subprocess.Popen(
             [sys.executable, "-P", "-m", "lodeline", "up", file, *words],
-            env={**os.environ, "LODELINE_RUN": self._folder.name, "NO_COLOR": "1"},
+            env=self.environment,
             stderr=subprocess.PIPE,
             text=True,
             errors="replace",
@@ -55,7 +58,8 @@ class Rig:
         self.name = self.running.manifest.name
         self.client = Client(self.running.folder)
         self.watch = Watch(self.running)
-        self.client.subscribe(f"{self.name}/**", 4096, self._take)
+        if not self._deaf:
+            self.client.subscribe(f"{self.name}/**", 4096, self._take)
         return self
 
     @property

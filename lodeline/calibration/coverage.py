@@ -4,13 +4,14 @@ Nothing here decides on a calibration, the fits do; this is for the person who t
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import atan2, degrees, floor, hypot, pi, sqrt
 from typing import TYPE_CHECKING, Any
 
 from lodeline.calibration.apply import Calibrator, ImuCalibration
 from lodeline.calibration.compass import SECTORS, CompassFit
-from lodeline.calibration.conic import fit_quadric
+from lodeline.calibration.conic import FAR, fit_quadric
 from lodeline.calibration.quality import CalibrationRefusedError
 from lodeline.calibration.still import GRAVITY, LEAST_LEAN
 from lodeline.rotation import Vector, wrap_angle
@@ -23,6 +24,7 @@ Point = tuple[float, float]
 TURNS = 2.0
 """Whole turns that are asked for: what one of them has seen, the other one checks."""
 SIDES = ("x up", "x down", "y up", "y down", "z up", "z down")
+ARC = 4.0  # [rad] from which on the curve is taken for the ellipse that it is
 MOST = 1500  # readings that a guess at the centre needs
 SHOWN = 96  # points of a picture
 
@@ -69,9 +71,14 @@ def turned(fields: Sequence[Vector]) -> Turned:
     if len(fields) < 3:
         return Turned((0,) * SECTORS, 0.0)
     points = np.asarray(fields[:: 1 + len(fields) // MOST], dtype=float)[:, :2]
-    centred, good = _centred(points)
-    angles = -np.arctan2(centred[good, 1], centred[good, 0])
-    way = np.unwrap(angles)
+    distances = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    points = points[distances <= FAR * np.median(distances)]  # a spike is no turn
+    way = _way(_about_circle(points))
+    if np.ptp(way) > ARC:  # before, an ellipse makes of noise what it likes
+        with suppress(CalibrationRefusedError):
+            quadric = fit_quadric(points)
+            good = quadric.weights > 0.0
+            way = _way((points[good] - quadric.centre) @ quadric.shape)
     first, last = (floor(float(v) / (2.0 * pi) * SECTORS) for v in (way.min(), way.max()))
     passes = [0] * SECTORS
     for step in range(first, last + 1):
@@ -79,21 +86,23 @@ def turned(fields: Sequence[Vector]) -> Turned:
     return Turned(tuple(passes), float(way.max() - way.min()) / (2.0 * pi))
 
 
-def _centred(points: "NDArray[Any]") -> "tuple[NDArray[Any], NDArray[Any]]":
-    """Points about the centre of their curve, and which of them lie on it."""
+def _way(centred: "NDArray[Any]") -> "NDArray[Any]":
+    """Directions [rad] of points (n, 2) about their centre, as the robot turns, without jumps."""
     import numpy as np
 
-    everyone = np.ones(len(points), dtype=bool)
-    try:
-        quadric = fit_quadric(points)
-        return (points - quadric.centre) @ quadric.shape, quadric.weights > 0.0
-    except CalibrationRefusedError:
-        pass  # too short an arc for an ellipse: a circle through it will do
-    middle = points.mean(axis=0)
-    q = points - middle
+    way: NDArray[Any] = np.unwrap(-np.arctan2(centred[:, 1], centred[:, 0]))
+    return way
+
+
+def _about_circle(points: "NDArray[Any]") -> "NDArray[Any]":
+    """Points (n, 2) about the centre of the circle that fits them best (algebraically)."""
+    import numpy as np
+
+    q = points - points.mean(axis=0)
     design = np.column_stack([q, np.ones(len(q))])
     found = np.linalg.lstsq(design, (q * q).sum(axis=1), rcond=None)[0]
-    return q - found[:2] / 2.0, everyone
+    centred: NDArray[Any] = q - found[:2] / 2.0
+    return centred
 
 
 def sides(positions: Sequence[Vector]) -> tuple[bool, ...]:

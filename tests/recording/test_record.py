@@ -133,8 +133,8 @@ def small_disk(tmp_path: Path) -> Iterator[Callable[[int], Path]]:
 
 
 def test_a_full_disk_costs_no_sample_that_was_taken(small_disk: Callable[[int], Path]) -> None:
-    for turn in range(20):
-        file = small_disk(400_000 + 43_457 * turn) / "run.mcap"
+    for turn in range(8):
+        file = small_disk(400_000 + 118_457 * turn) / "run.mcap"
         made = recorder(file)
         for seq in range(200_000):
             made.take("rover/imu/data", imu(seq), IMU)
@@ -205,7 +205,7 @@ def test_every_key_is_recorded_without_a_gap_and_ctrl_c_is_the_regular_end(
 
 def test_what_is_recorded_can_be_computed_again(up: Up, tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
-    done = up.call("bag", "record", "-o", str(file), "--seconds", "2")
+    done = up.call("bag", "record", "-o", str(file), "--seconds", "1")
     assert done.returncode == 0, done.stderr
     result = lodeline("replay", str(file), "--pipeline", str(ROOT / "pipeline.yaml"), run=tmp_path)
     assert result.returncode == 0, result.stderr
@@ -331,11 +331,11 @@ def test_a_thousand_samples_a_second_are_recorded_without_a_gap(tmp_path: Path) 
     pipeline.write_text("name: fast\nnodes:\n  fast: {run: fast.py, outputs: {imu: imu}}\n")
     file = tmp_path / "run.mcap"
     with Up(pipeline) as up:
-        done = up.call("bag", "record", "imu", "-o", str(file), "--seconds", "5")
+        done = up.call("bag", "record", "imu", "-o", str(file), "--seconds", "2.5")
     assert done.returncode == 0, done.stderr
     found = numbers(file, "imu")
     assert found == list(range(found[0], found[-1] + 1))
-    assert len(found) > 2500  # a busy machine lets the source itself miss ticks
+    assert len(found) > 1250  # a busy machine lets the source itself miss ticks
 
 
 FAST = '''

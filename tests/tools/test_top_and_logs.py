@@ -17,7 +17,6 @@ from typing import Any
 import pytest
 
 from tests.support.live import ROOT, Up, environment, eventually
-from tests.tools.watching_cost import measure
 
 
 @pytest.fixture(scope="module")
@@ -143,11 +142,23 @@ def test_logs_of_an_unknown_node_name_the_nearest(up: Up) -> None:
     assert "did you mean 'odometry'?" in result.stderr
 
 
-def test_watching_costs_the_pipeline_less_than_a_hundredth_of_a_core(up: Up) -> None:
-    cost = measure(up, seconds=2.5, pairs=3)
-    hub, _ = cost.difference(0)
-    nodes, error = cost.difference(1)
-    assert hub < 0.01, cost
-    # What else the machine does makes the nodes' own use noisy: more than noise must be less.
-    assert nodes - 2.0 * error < 0.01, cost
-    assert sum(cost.watchers.values()) < 0.06, cost
+def test_whoever_watches_rates_and_health_is_sent_no_sample(up: Up) -> None:
+    """A node packs and sends only what somebody listens to, and counts the bytes."""
+    watchers = [Follower(up, *words) for words in (("topic", "hz", "-f"), ("top",), ("logs", "-f"))]
+
+    def bytes_of_pose() -> list[float]:
+        result = up.call("topic", "bw", "pose", "--json")
+        return [row["bandwidth"] for row in json.loads(result.stdout)]
+
+    try:
+        assert eventually(lambda: all(watcher.lines for watcher in watchers), 20.0)
+        rows = {len(watcher.lines) for watcher in watchers[:2]}
+        assert eventually(
+            lambda: all(len(watcher.lines) > max(rows) for watcher in watchers[:2]), 20.0
+        )
+        assert bytes_of_pose() == [0.0]
+        watchers.append(Follower(up, "topic", "echo", "pose"))
+        assert eventually(lambda: bytes_of_pose()[0] > 1000.0, 20.0)
+    finally:
+        for watcher in watchers:
+            watcher.interrupt()
