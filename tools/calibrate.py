@@ -21,11 +21,24 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lodeline.calibration import CalibrationRefusedError
-from lodeline.calibration.compass import CompassFit, fit_ellipse, fit_ellipsoid, fit_minmax
+from lodeline.calibration import CalibrationRefusedError, ImuCalibration
+from lodeline.calibration.compass import (
+    UNKNOWN,
+    CompassFit,
+    fit_ellipse,
+    fit_ellipsoid,
+    fit_minmax,
+)
 from lodeline.calibration.still import fit_accelerometer, gyro_zero, resting_means
 from lodeline.calibration.wheels import WheelFit, fit_radius, fit_track
-from lodeline.calibration_file import CalibrationFileError, Section, load, previous, store
+from lodeline.calibration_file import (
+    CalibrationFileError,
+    Section,
+    calibrated,
+    load,
+    previous,
+    store,
+)
 from lodeline.recording import RecordingError
 from lodeline.recording.raw_readings import CLASSES, Readings, read
 from lodeline.rotation import Vector
@@ -47,7 +60,7 @@ def main(argv: list[str]) -> int:
 
     try:
         if args.source:
-            section = calibration(args, read(args.source, args.kind))
+            section = calibration(args, read(args.source, args.kind), _on_file(args.output))
             print(_written(args, section, args.source.name))
             print(_use(args, section))
         else:
@@ -62,6 +75,14 @@ def main(argv: list[str]) -> int:
         print(error, file=sys.stderr)
         return EXIT_FAILED
     return 0
+
+
+def _on_file(file: Path) -> ImuCalibration:
+    """What the file says already; that which changes nothing if it says nothing."""
+    try:
+        return calibrated(ImuCalibration(), str(file))[0]
+    except CalibrationFileError:
+        return ImuCalibration()
 
 
 def _written(args: argparse.Namespace, section: Section, origin: str) -> str:
@@ -81,15 +102,16 @@ def _live(args: argparse.Namespace) -> None:
     with Watch(choose(args.name)) as watch:
         fit = partial(fit_compass, args.method)
         wizard = Wizard(watch, args.kind, args.seconds, args.ticks_per_turn, fit)
+        before = wizard.in_use()
         try:
             readings = wizard.gather()
-            section = calibration(args, readings)
+            section = calibration(args, readings, before)
         except CalibrationRefusedError as error:
             wizard.refused(str(error))
             raise
         drawn = None
         if args.kind == "mag":
-            drawn = wizard.show_fit(readings, fit(readings.fields), wizard.in_use())
+            drawn = wizard.show_fit(readings, fit(readings.fields, before), before)
         print(_written(args, section, "live"))
         if drawn:
             print(drawn.words)
@@ -165,7 +187,7 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
-def calibration(args: argparse.Namespace, readings: Readings) -> Section:
+def calibration(args: argparse.Namespace, readings: Readings, before: ImuCalibration) -> Section:
     """The section that comes out of the readings; CalibrationRefusedError with the reason."""
     if args.kind == "gyro":
         zero = gyro_zero(readings.rates, readings.rate)
@@ -180,7 +202,7 @@ def calibration(args: argparse.Namespace, readings: Readings) -> Section:
             "accel_scale": fit.scale,
         }
     if args.kind == "mag":
-        compass = fit_compass(args.method, readings.fields)
+        compass = fit_compass(args.method, readings.fields, before)
         return {
             "residual": compass.misfit,
             "verdict": compass.verdict,
@@ -190,18 +212,19 @@ def calibration(args: argparse.Namespace, readings: Readings) -> Section:
     return fit_wheels(args, readings)
 
 
-def fit_compass(method: str, fields: list[Vector]) -> CompassFit:
+def fit_compass(method: str, fields: list[Vector], before: ImuCalibration = UNKNOWN) -> CompassFit:
     """By the method named; `auto` by the one that the readings allow."""
     thinned = fields[:: 1 + len(fields) // MOST_READINGS]
-    fits = {"ellipse": fit_ellipse, "ellipsoid": fit_ellipsoid, "minmax": fit_minmax}
+    if method == "ellipsoid":
+        return fit_ellipsoid(thinned)
     if method != "auto":
-        return fits[method](thinned)
+        return {"ellipse": fit_ellipse, "minmax": fit_minmax}[method](thinned, before)
     try:
         return fit_ellipsoid(thinned)
     except CalibrationRefusedError as error:
         whole = error
     try:
-        return fit_ellipse(thinned)
+        return fit_ellipse(thinned, before)
     except CalibrationRefusedError as error:
         raise CalibrationRefusedError(f"{error} (nor as turns about all axes: {whole})") from None
 

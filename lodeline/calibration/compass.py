@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from math import degrees, pi
 from typing import TYPE_CHECKING, Any
 
+from lodeline.calibration.apply import ImuCalibration
 from lodeline.calibration.conic import Quadric, fit_quadric
 from lodeline.calibration.minmax import MinMax
 from lodeline.calibration.quality import CalibrationRefusedError, checked
@@ -27,6 +28,7 @@ LARGEST_NOISE = 0.15  # of one reading, relative to the field
 GOOD_MISFIT = 0.02
 LARGEST_MISFIT = 0.07  # [rad] of what is left once noise is averaged out
 SECTORS = 24
+UNKNOWN = ImuCalibration()
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,16 +53,17 @@ class CompassFit:
         )
 
 
-def fit_ellipse(readings: Sequence[Vector]) -> CompassFit:
-    """Calibrate chip x and y from a flat turn, readings (n, 3) [T]; z is left as it is.
+def fit_ellipse(readings: Sequence[Vector], before: ImuCalibration = UNKNOWN) -> CompassFit:
+    """Calibrate chip x and y from a flat turn, readings (n, 3) [T]; z, of which that tells
+    nothing, stays as the calibration `before` has it.
 
     CalibrationRefusedError when the turn covers less than 300 degrees or the fit is bad.
     """
     points = checked(readings, 30, "magnetometer")
-    return _flat(points, fit_quadric(points[:, :2]))
+    return _flat(points, fit_quadric(points[:, :2]), before)
 
 
-def fit_minmax(readings: Sequence[Vector]) -> CompassFit:
+def fit_minmax(readings: Sequence[Vector], before: ImuCalibration = UNKNOWN) -> CompassFit:
     """The same by the smallest and largest reading of chip x and y alone (SCUTTLE): one spike
     spoils it.
     """
@@ -73,10 +76,11 @@ def fit_minmax(readings: Sequence[Vector]) -> CompassFit:
         raise CalibrationRefusedError(str(error)) from None
     spans = np.array(found.high) - np.array(found.low)
     shape = np.diag(2.0 / spans)
-    return _flat(points, Quadric(np.array(found.offset), shape, np.ones(len(points))))
+    quadric = Quadric(np.array(found.offset), shape, np.ones(len(points)))
+    return _flat(points, quadric, before)
 
 
-def _flat(points: "NDArray[Any]", quadric: Quadric) -> CompassFit:
+def _flat(points: "NDArray[Any]", quadric: Quadric, before: ImuCalibration) -> CompassFit:
     import numpy as np
 
     strength = _strength(quadric)
@@ -93,7 +97,8 @@ def _flat(points: "NDArray[Any]", quadric: Quadric) -> CompassFit:
     sectors = ((angles + pi) / (2.0 * pi) * SECTORS).astype(int) % SECTORS
     matrix = np.eye(3)
     matrix[:2, :2] = strength * quadric.shape
-    offset = (float(quadric.centre[0]), float(quadric.centre[1]), 0.0)
+    matrix[2, 2] = before.mag_matrix[8]
+    offset = (float(quadric.centre[0]), float(quadric.centre[1]), before.mag_offset[2])
     return _judged(quadric, offset, matrix, strength, coverage, radius, sectors)
 
 

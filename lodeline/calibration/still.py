@@ -136,7 +136,7 @@ def fit_accelerometer(positions: Sequence[Vector]) -> AccelFit:
     """
     import numpy as np
 
-    points = checked(positions, 6, "accelerometer")
+    points = checked(positions, 1, "resting accelerometer")
     for axis, name in enumerate("xyz"):
         low, high = points[:, axis].min() / GRAVITY, points[:, axis].max() / GRAVITY
         if low > -LEAST_LEAN or high < LEAST_LEAN:

@@ -132,6 +132,20 @@ def test_compass_method_can_be_named(tmp_path: Path, out: Path, method: str) -> 
     assert offset == pytest.approx([IRON[0] * 1e-6, IRON[1] * 1e-6, 0.0], abs=0.2e-6)
 
 
+def test_a_flat_turn_leaves_the_z_of_the_file_as_it_is(tmp_path: Path, out: Path) -> None:
+    store(out, "mag", {"mag_offset": [0, 0, 6e-6], "mag_matrix": [1, 0, 0, 0, 1, 0, 0, 0, 1.01]})
+    mag = table(
+        tmp_path / "turn.csv",
+        "t_s,mx,my,mz",
+        [(0.02 * i, *m) for i, (_, m) in enumerate(turn(2.1 * pi))],
+    )
+    assert main(["calibrate", "mag", "--from", str(mag), "-o", str(out)]) == 0
+    section = load(out).sections["mag"]
+    assert section["mag_offset"][2] == 6e-6
+    assert section["mag_matrix"][8] == 1.01
+    assert section["mag_offset"][0] == pytest.approx(IRON[0] * 1e-6, abs=0.3e-6)
+
+
 def test_accelerometer_from_six_sides(tmp_path: Path, out: Path) -> None:
     """Scale 1.02 and offset 0.1 on z, as the sensor reads them."""
     rows = [(*w, x, y, 1.02 * z + 0.1) for side in SIDES for w, (x, y, z) in rest(1.5, side)]
@@ -176,7 +190,12 @@ def test_wheels_radius_by_a_line_then_track_by_turns(
             "moved",
         ),
         ("gyro", [], [(0.01 * i, *w, *a) for i, (w, a) in enumerate(rest(1.0))], "too short"),
-        ("accel", [], [(0.01 * i, *w, *a) for i, (w, a) in enumerate(rest(5.0))], "too few"),
+        (
+            "accel",
+            [],
+            [(0.01 * i, *w, *a) for i, (w, a) in enumerate(rest(5.0))],
+            "x axis pointing",
+        ),
         (
             "mag",
             [],

@@ -52,7 +52,7 @@ class Ear:
 
     def __init__(self, up: Up, *keys: str) -> None:
         self._client = Client(up.folder)
-        self._lock = threading.Lock()
+        self._came = threading.Condition()
         self._heard: dict[str, dict[int, Any]] = {key: {} for key in keys}
         for key in keys:
             self._client.subscribe(f"rover/{key}", 4096, self._take)
@@ -62,18 +62,34 @@ class Ear:
             message = unpack(data, class_of(encoding))
         except DecodeError:
             return
-        with self._lock:
+        with self._came:
             self._heard[key.removeprefix("rover/")][message.seq] = message
+            self._came.notify_all()
 
     def all(self, key: str) -> dict[int, Any]:
         """Samples by number."""
-        with self._lock:
+        with self._came:
             return dict(self._heard[key])
 
     def newest(self, key: str) -> Any:
         """The last sample that came, None if none did."""
-        with self._lock:
+        with self._came:
             return next(reversed(self._heard[key].values()), None)
+
+    def hears(self, key: str, what: Callable[[Any], bool], seconds: float = 15.0) -> bool:
+        """Whether a newest sample comes, or is there, of which something holds."""
+
+        def found() -> bool:
+            newest = next(reversed(self._heard[key].values()), None)
+            return newest is not None and what(newest)
+
+        with self._came:
+            return self._came.wait_for(found, seconds)
+
+    def hears_many(self, key: str, count: int, seconds: float = 15.0) -> bool:
+        """Whether there come to be so many samples."""
+        with self._came:
+            return self._came.wait_for(lambda: len(self._heard[key]) >= count, seconds)
 
     def close(self) -> None:
         self._client.close()
@@ -96,18 +112,14 @@ class Reader:
                 if said["t"] == kind:
                     return said
 
-    async def frames(self, seconds: float, think: float = 0.0) -> list[dict[str, Any]]:
-        """Frames of so many seconds, each confirmed after `think` seconds."""
-        found: list[dict[str, Any]] = []
-        try:
-            async with asyncio.timeout(seconds):
-                while True:
-                    frame = await self.hear("frame")
-                    found.append(frame)
-                    await asyncio.sleep(think)
-                    await self.say(ack=frame["n"])
-        except TimeoutError:
-            return found
+    async def frames(self, count: int) -> list[dict[str, Any]]:
+        """So many frames, each confirmed at once."""
+        found = []
+        for _ in range(count):
+            frame = await self.hear("frame")
+            found.append(frame)
+            await self.say(ack=frame["n"])
+        return found
 
 
 def connecting(port: int, **more: Any) -> connect:

@@ -6,6 +6,7 @@ import asyncio
 import json
 import time
 from collections.abc import Awaitable, Callable
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -38,7 +39,8 @@ def in_process(up: Up, monkeypatch: pytest.MonkeyPatch, talk: Talk) -> Any:
 
 def test_frames_carry_what_zenoh_carried(up: Up, dash: Dash) -> None:
     ear = Ear(up, "pose", "odom", "attitude", "truth")
-    frames = with_reader(dash.port, lambda reader: reader.frames(2.0))
+    assert all(ear.hears(key, lambda _: True) for key in ("pose", "odom", "attitude", "truth"))
+    frames = with_reader(dash.port, lambda reader: reader.frames(20))
     compared = 0
     for frame in frames:
         for key in ("pose", "odom", "truth"):
@@ -57,14 +59,15 @@ def test_frames_carry_what_zenoh_carried(up: Up, dash: Dash) -> None:
                 attitude.orientation, rel=1e-6, abs=1e-9
             )
     ear.close()
-    assert compared > 30
+    assert compared > 50
 
 
-def test_a_quick_page_gets_at_most_twenty_frames_a_second_each_newer(dash: Dash) -> None:
-    frames = with_reader(dash.port, lambda reader: reader.frames(2.0))
+def test_a_quick_page_gets_twenty_frames_a_second_each_newer(dash: Dash) -> None:
+    frames = with_reader(dash.port, lambda reader: reader.frames(30))
     numbers = [frame["n"] for frame in frames]
-    assert 20 <= len(frames) <= 42
     assert numbers == sorted(set(numbers))
+    seconds = frames[-1]["at"] - frames[4]["at"]  # the first ones make up for what it missed
+    assert 10.0 < 25 / seconds < 21.0
 
 
 def test_a_slow_page_skips_frames_and_what_it_gets_is_new(dash: Dash) -> None:
@@ -224,13 +227,13 @@ def test_a_driver_who_vanishes_leaves_a_robot_that_stops(up: Up, dash: Dash) -> 
 
     async def talk(reader: Reader) -> None:
         await reader.hear("frame")
-        for _ in range(3):
+        for count in (1, 2, 3):
             await reader.say(do="drive", forward=5.0, left=-0.5)
-            await asyncio.sleep(0.1)
+            assert await asyncio.to_thread(ear.hears_many, "cmd_vel", count)
         reader.socket.transport.abort()
 
     with_reader(dash.port, talk, dash.token)
-    assert eventually(lambda: ear.newest("cmd_vel") is not None and ear.newest("cmd_vel").v == 0.0)
+    assert ear.hears("cmd_vel", lambda said: said.v == 0.0)
     said = list(ear.all("cmd_vel").values())
     assert (said[0].v, said[0].w) == (TOP_SPEED, -0.5 * TOP_RATE)
     assert [item.v for item in said] == [TOP_SPEED] * (len(said) - 1) + [0.0]
@@ -244,9 +247,7 @@ def test_a_driver_who_falls_silent_is_stopped(up: Up, dash: Dash) -> None:
         await reader.hear("frame")
         await reader.say(do="drive", forward=1.0, left=0.0)
         began = time.monotonic()
-        while not (ear.newest("cmd_vel") and ear.newest("cmd_vel").v == 0.0):
-            assert time.monotonic() - began < 5.0
-            await asyncio.sleep(0.01)
+        assert await asyncio.to_thread(ear.hears, "cmd_vel", lambda said: said.v == 0.0)
         return time.monotonic() - began
 
     assert 0.25 < with_reader(dash.port, talk, dash.token) < 2.0
@@ -255,6 +256,8 @@ def test_a_driver_who_falls_silent_is_stopped(up: Up, dash: Dash) -> None:
 
 
 def test_two_pages_do_not_drive_at_once(up: Up, dash: Dash) -> None:
+    ear = Ear(up, "cmd_vel")
+
     async def run() -> str:
         async with connecting(dash.port) as one, connecting(dash.port) as two:
             first, second = Reader(one), Reader(two)
@@ -262,11 +265,12 @@ def test_two_pages_do_not_drive_at_once(up: Up, dash: Dash) -> None:
                 await reader.say(do="hello", token=dash.token)
                 await reader.hear("frame")
             await first.say(do="drive", forward=0.0, left=0.1)
-            await asyncio.sleep(0.05)
+            await asyncio.to_thread(ear.hears, "cmd_vel", lambda said: said.w > 0.0)
             await second.say(do="drive", forward=1.0, left=0.0)
             return str((await second.hear("note"))["text"])
 
     assert "another page is driving" in asyncio.run(run())
+    ear.close()
 
 
 def test_a_restart_reaches_the_supervisor_that_takes_it(up: Up, dash: Dash) -> None:
@@ -295,17 +299,20 @@ def test_a_gateway_that_nobody_looks_at_leaves_the_bus_until_somebody_does(
     up: Up, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("LODELINE_RUN", str(up.run))
-    monkeypatch.setattr(link_module, "REST_S", 0.5)
-
-    async def until(what: Callable[[], bool]) -> None:
-        async with asyncio.timeout(20.0):
-            while not what():
-                await asyncio.sleep(0.02)
 
     async def run() -> dict[str, Any]:
-        async with Gateway("rover") as gateway:
-            await until(lambda: gateway._link.run is not None)
-            await until(lambda: gateway._link.run is None)
+        changed = asyncio.Event()
+        async with Gateway("rover") as gateway, asyncio.timeout(20.0):
+            tell = partial(gateway._loop.call_soon_threadsafe, changed.set)
+            monkeypatch.setattr(gateway._link, "_changed", tell)
+            if gateway._link.run is None:
+                await changed.wait()
+            changed.clear()
+            monkeypatch.setattr(link_module, "REST_S", 0.5)
+            while gateway._link.run is not None:
+                await changed.wait()
+                changed.clear()
+            monkeypatch.setattr(gateway._link, "_changed", gateway._link_changed)
             async with connecting(gateway.port) as socket:
                 reader = Reader(socket)
                 await reader.say(do="hello", token="")

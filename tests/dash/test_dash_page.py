@@ -10,6 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from lodeline.bus import Client
 from lodeline.rotation import from_euler
 from tests.dash.chromium import Chromium
 from tests.dash.support import Dash, Ear
@@ -42,7 +43,7 @@ def page(chromium: Chromium, dash: Dash) -> Iterator[Chromium]:
 
 def test_the_pose_shown_is_the_one_that_zenoh_carried(page: Chromium, up: Up) -> None:
     ear = Ear(up, "pose")
-    assert eventually(lambda: len(ear.all("pose")) > 20, 30.0)
+    assert ear.hears("pose", lambda _: True, 30.0)
     compared: set[int] = set()
     deadline = time.monotonic() + 20.0
     while len(compared) < 10 and time.monotonic() < deadline:
@@ -102,14 +103,14 @@ def test_map_and_plots_are_drawn(page: Chromium) -> None:
 
 def test_pause_stands_still_and_scrubbing_goes_back(page: Chromium, up: Up) -> None:
     ear = Ear(up, "pose")
-    assert eventually(lambda: bool(ear.all("pose")), 30.0)
+    assert ear.hears("pose", lambda _: True, 30.0)
     enough = min(ear.all("pose")) + 350  # 3.5 s, on the page too, which may be behind
     assert page.comes_true(f"{SHOWN}[0] > {enough}")
     page.run("document.getElementById('pause').click()")
     assert page.comes_true("document.getElementById('when').textContent !== 'now'")
     still = page.run(f"new Promise((done) => setTimeout(() => done({SHOWN}), 150))")
-    heard = len(ear.all("pose"))
-    assert eventually(lambda: len(ear.all("pose")) > heard + 50, 30.0)
+    later = ear.newest("pose").seq + 50
+    assert ear.hears("pose", lambda pose: pose.seq > later, 30.0)
     assert page.run(SHOWN) == still
     page.run("""(() => {
       const scrub = document.getElementById('scrub');
@@ -132,17 +133,17 @@ def test_pause_stands_still_and_scrubbing_goes_back(page: Chromium, up: Up) -> N
 def test_arrow_keys_drive_and_letting_go_stops(page: Chromium, up: Up) -> None:
     ear = Ear(up, "truth")
     page.key("ArrowUp", down=True)
-    assert eventually(lambda: ear.newest("truth") and ear.newest("truth").v > 0.17, 15.0)
+    assert ear.hears("truth", lambda truth: truth.v > 0.17)
     page.key("ArrowUp", down=False)
-    assert eventually(lambda: abs(ear.newest("truth").v) < 0.01, 15.0)
+    assert ear.hears("truth", lambda truth: abs(truth.v) < 0.01)
     page.key("ArrowLeft", down=True)
-    assert eventually(lambda: ear.newest("truth").w > 1.2, 15.0)
+    assert ear.hears("truth", lambda truth: truth.w > 1.2)
     assert abs(ear.newest("truth").v) < 0.02
     page.run("window.dispatchEvent(new Event('blur'))")
-    assert eventually(lambda: abs(ear.newest("truth").w) < 0.05, 15.0)
+    assert ear.hears("truth", lambda truth: abs(truth.w) < 0.05)
     page.key("ArrowLeft", down=False)
     page.run("document.getElementById('drive-toggle').click()")
-    assert eventually(lambda: ear.newest("truth").v > 0.08, 20.0), "back on its course"
+    assert ear.hears("truth", lambda truth: truth.v > 0.08, 20.0), "back on its course"
     ear.close()
 
 
@@ -181,6 +182,60 @@ def test_a_node_opens_by_keyboard_and_tells_what_it_is(page: Chromium, up: Up) -
     assert not page.run("document.getElementById('restart').hidden")
     page.run("document.getElementById('restart').click()")
     assert page.run("document.getElementById('restart').textContent") == "Really restart ekf?"
+
+
+def test_a_node_shows_what_it_said_itself(page: Chromium, up: Up) -> None:
+    client = Client(up.folder)
+    told = client.publisher("rover/@log/robot", "application/json")
+    line = {"n": 1 << 40, "time": time.time(), "name": "ekf", "text": "a word of its own"}
+    assert page.comes_true("document.querySelector('#graph [data-node=ekf]') !== null")
+    page.run("document.querySelector('#graph [data-node=ekf]').dispatchEvent(new Event('click'))")
+    told.put(json.dumps([line]).encode())
+    body = "document.getElementById('detail-body').textContent"
+    assert page.comes_true(f"{body}.includes('a word of its own')")
+    page.run("document.getElementById('detail').close()")
+    client.close()
+
+
+def test_a_calibration_shows_its_ring_then_the_circle_before_and_after(
+    page: Chromium, up: Up
+) -> None:
+    """What `lodeline calibrate mag` tells the page, as its own test hears it."""
+    client = Client(up.folder)
+    told = client.publisher("rover/@calibrating", "application/json")
+    running: dict[str, object] = {
+        "kind": "mag",
+        "todo": "turn",
+        "state": "running",
+        "text": "0.5 of 2 turns",
+    }
+    running |= {"parts": [0.5] * 12 + [0.0] * 12, "names": [], "hint": ""}
+    shown = "document.getElementById('calibrate')"
+
+    def says() -> bool:
+        told.put(json.dumps(running).encode())
+        return bool(page.run(f"!{shown}.hidden && {shown}.textContent.includes('0.5 of 2 turns')"))
+
+    assert eventually(says, 20.0, 0.1)
+    ink = """(() => {
+      const canvas = document.getElementById('calibrate-ring');
+      const {data} = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+      return data.filter((value, i) => i % 4 === 3 && value > 0).length;
+    })()"""
+    assert page.comes_true(f"{ink} > 300")
+    circle = [(20e-6 * math.cos(0.1 * i), 20e-6 * math.sin(0.1 * i)) for i in range(63)]
+    picture = {"before": circle, "after": circle, "radius": 20e-6}
+    end = running | {"state": "written", "text": "good", "words": "wrong by 9 deg before"}
+    told.put(json.dumps(end | {"circles": picture}).encode())
+    assert page.comes_true(f"{shown}.textContent.includes('wrong by 9 deg before')")
+    assert page.comes_true(f"{ink} > 300")
+    refused = {"kind": "gyro", "todo": "wait", "state": "refused", "text": "it moved"}
+    told.put(json.dumps(refused).encode())
+    assert page.comes_true(f"{shown}.dataset.state === 'refused'")
+    assert page.run(f"{shown}.textContent.includes('it moved')")
+    page.run("document.getElementById('calibrate-close').click()")
+    assert page.run(f"{shown}.hidden")
+    client.close()
 
 
 def test_the_log_shows_what_the_supervisor_said(page: Chromium) -> None:

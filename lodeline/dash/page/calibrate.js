@@ -2,8 +2,8 @@
 
 import { $, FONT, Surface, colours, el, put } from "./dom.js";
 
-const NAMES = { gyro: "gyro", accel: "accelerometer", mag: "compass", wheels: "wheels" };
-const ENDS = { running: "", refused: " \u2013 refused", written: " \u2013 done" };
+const NAMES = { gyro: "Gyro", accel: "Accelerometer", mag: "Compass", wheels: "Wheels" };
+const ENDS = { running: " calibration", refused: " \u2013 refused", written: " calibrated" };
 const SILENCE_MS = 4000;
 
 export class Calibration {
@@ -17,7 +17,7 @@ export class Calibration {
     this.said = said;
     this.box.hidden = false;
     this.box.dataset.state = said.state;
-    put($("calibrate-title"), `Calibrate ${NAMES[said.kind] ?? said.kind}${ENDS[said.state] ?? ""}`);
+    put($("calibrate-title"), `${NAMES[said.kind] ?? said.kind}${ENDS[said.state] ?? ""}`);
     put($("calibrate-todo"), said.state === "running" ? said.todo : "");
     put($("calibrate-text"), said.text);
     put($("calibrate-words"), said.words ?? said.hint ?? "");
