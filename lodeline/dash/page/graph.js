@@ -9,7 +9,7 @@ const WIDTH = 1230;
 const LEFT = 150; // room for keys that come from outside
 const RIGHT = 150; // room for keys that nobody here reads
 const TOP = 4;
-const LEGEND = "key, rate, age on arrival: median / 99 %, samples dropped (lost or too late)";
+const LEGEND = "key, rate, age on arrival: median / 99 %, \u2715 samples lost or too late";
 const ONE_LINE = 235; // px between two layers in which a label needs but one line
 
 export class Graph {
@@ -120,7 +120,7 @@ export class Graph {
     const p50 = said.age_p50[edge.key];
     put(edge.age, p50 === undefined ? "" : `${ms(p50)} / ${ms(said.age_p99[edge.key])} ms`);
     const drops = (said.lost[edge.key] ?? 0) + (said.late[edge.key] ?? 0);
-    put(edge.loss, drops ? `${drops} dropped` : "");
+    put(edge.loss, drops ? `\u2715 ${drops}` : "");
   }
 
   box(name, { x, y }) {

@@ -4,6 +4,7 @@ import { FONT, Surface, colours } from "./dom.js";
 
 const MARGIN = 28; // for the legend above and the scale below
 const CLOSEST = 600; // px per metre; a run that has just begun needs no magnifying glass
+const CLOSE_UP = 150; // px that it covers, on the left
 const ROBOT_M = 0.055;
 const BAR_M = 0.035;
 
@@ -83,7 +84,10 @@ export class FloorMap {
     const wide = (this.surface.width - MARGIN) / (east - west + 2 * pad);
     const high = (this.surface.height - 2 * MARGIN) / (north - south + 2 * pad);
     this.scale = Math.min(wide, high, CLOSEST);
-    this.centre = [(west + east) / 2, (south + north) / 2];
+    // Beside the close-up, where there is room to spare.
+    const slack = this.surface.width - MARGIN - (east - west + 2 * pad) * this.scale;
+    const aside = Math.max(0, Math.min(slack, CLOSE_UP)) / 2;
+    this.centre = [(west + east) / 2 - aside / this.scale, (south + north) / 2];
   }
 
   draw(store) {
