@@ -115,7 +115,8 @@ class Chromium:
         self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
 
     def close(self) -> None:
-        self._connecting.__exit__(None, None, None)
+        # First it, then the line to it: a living one would let us wait for its farewell.
         os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
+        self._connecting.__exit__(None, None, None)
         self._folder.cleanup()

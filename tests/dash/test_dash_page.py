@@ -73,7 +73,7 @@ def test_the_graph_shows_the_rates_and_ages_that_nodes_report(page: Chromium, da
     labels = "[...document.querySelectorAll('#graph g > text')].map((t) => t.textContent)"
     assert page.comes_true(f"{labels}.some((t) => /^imu\\/data_raw ?[12]\\d\\d Hz/.test(t))")
     texts = page.run(labels)
-    keys = {text.split(" ")[0].rstrip("0123456789\u2007") for text in texts}
+    keys = set(page.run("[...document.querySelectorAll('#graph .key')].map((t) => t.textContent)"))
     assert {"imu/data_raw", "wheels", "odom", "magnets", "pose", "truth", "cmd_vel"} <= keys
     assert any("ms" in text for text in texts)
     nodes = page.run("[...document.querySelectorAll('#graph .node')].map((n) => n.dataset.node)")
