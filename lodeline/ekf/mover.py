@@ -10,7 +10,7 @@ from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.reeds import BarMemory
 from lodeline.ekf.samples import Motion
 from lodeline.ekf.track import Track
-from lodeline.ekf.turning import fused
+from lodeline.ekf.turning import Turn, fused
 
 COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as it went
 
@@ -29,7 +29,12 @@ class Mover:
         gap_ns = after.stamp_ns - before.stamp_ns
         seconds = gap_ns * 1e-9
         delta = relative(before.x, before.y, before.yaw, after.x, after.y, after.yaw)
-        gyro = track.turning.over(before.stamp_ns + begin * gap_ns, seconds * share)
+        gyro = track.turning.over(
+            before.stamp_ns + begin * gap_ns,
+            seconds * share,
+            params.gyro_noise,
+            params.wander[1],
+        )
         if after.resets != before.resets or (
             math.hypot(delta.ahead, delta.left) > params.max_speed * seconds
         ):
@@ -38,8 +43,10 @@ class Mover:
         pace = Pace(delta.ahead / seconds, delta.turn / seconds)
         if share < 1.0:
             delta = part(delta, begin, end)
-        noise = self._noise(after, seconds * share)
-        if gyro is not None:
+        noise = self._noise(before, after, share)
+        if gyro is None:
+            noise = noise._replace(position=noise.position + share * self._bend(pace, seconds))
+        else:
             track, delta, noise = self._with_gyro(track, delta, noise, gyro, seconds * share)
         way = math.hypot(delta.ahead, delta.left + params.bar_x * delta.turn)
         bar = track.bar.moved(way, delta.ahead)
@@ -50,7 +57,7 @@ class Mover:
         track: Track,
         seconds: float = 0.0,
         share: float = 1.0,
-        gyro: float | None = None,
+        gyro: Turn | None = None,
     ) -> Track:
         """After `seconds` in which nobody measured where the robot went, or a `share` of a gap.
 
@@ -65,36 +72,45 @@ class Mover:
         if gyro is None:
             delta = arc(track.pace.v * reach, track.pace.w * reach)
         else:
-            delta = arc(track.pace.v * reach, gyro)
-            tt, doubt = self._gyro_variance(seconds), 0.0
+            delta = arc(track.pace.v * reach, gyro.angle)
+            tt, doubt = gyro.variance, 0.0
         noise = Noise(along * along / share, 0.0, tt, share * position * position, doubt)
         return replace(self._moved(track, delta, noise), bar=BarMemory())
 
     def _with_gyro(
-        self, track: Track, delta: Delta, noise: Noise, turn: float, seconds: float
+        self, track: Track, delta: Delta, noise: Noise, turn: Turn, seconds: float
     ) -> tuple[Track, Delta, Noise]:
         """The step as wheels and gyro see it together; where they differ too much, the gyro."""
-        turning, variance = track.turning, self._gyro_variance(seconds)
-        off = turn - delta.turn
-        agreement = turning.agreement.after(off, noise.tt + variance, seconds)
+        turning, off = track.turning, turn.angle - delta.turn
+        agreement = turning.agreement.after(off, noise.tt + turn.variance, seconds)
         if turning.agreement.doubted or agreement.doubted:
             noise = doubting(noise, off, agreement, seconds, self._params.track)
-        delta, noise = fused(delta, noise, turn, variance)
+        delta, noise = fused(delta, noise, turn)
         return replace(track, turning=replace(turning, agreement=agreement)), delta, noise
 
-    def _gyro_variance(self, seconds: float) -> float:
-        return self._params.gyro_noise**2 * seconds
-
-    def _noise(self, motion: Motion, seconds: float) -> Noise:
-        """Q of the lab in one of its two forms, for a step of so many `seconds`."""
+    def _noise(self, before: Motion, after: Motion, share: float) -> Noise:
+        """Q of the lab in one of its two forms, for a `share` of the way between two samples."""
+        seconds = share * 1e-9 * (after.stamp_ns - before.stamp_ns)
         if self._params.process_noise == "alpha":
-            steps = seconds / motion.interval if motion.interval > 0.0 else 1.0
+            steps = seconds / after.interval if after.interval > 0.0 else 1.0
             position, heading = self._params.alpha_sigma
             return Noise(0.0, 0.0, 0.0, steps * position**2, steps * heading**2)
+        if share * after.interval < 0.99 * seconds:
+            # samples in between were lost: it may have come to rest only in the last of them
+            after = max(after, before, key=lambda each: each.interval * each.twist_covariance[3])
         # white in time: what the twist's covariance is worth over `interval`, for `seconds`
-        vv, vw, _, ww = motion.twist_covariance
-        scale = motion.interval * seconds
+        vv, vw, _, ww = after.twist_covariance
+        scale = after.interval * seconds
         return Noise(scale * vv, scale * vw, scale * ww)
+
+    def _bend(self, pace: Pace, seconds: float) -> float:
+        """Variance [m^2] of a way whose two ends are known, for how it went in between is not.
+
+        With rates that are random walks of density q, their deviation from the mean moves the end
+        of a way of T by v sqrt(q_w T^5 / 120), and likewise with v and w changed over.
+        """
+        q_v, q_w = (each * each for each in self._params.wander)
+        return (pace.v**2 * q_w + pace.w**2 * q_v) * seconds**5 / 120.0
 
     def _moved(self, track: Track, delta: Delta, noise: Noise) -> Track:
         return track.each(lambda belief: self._engine.predict(belief, delta, noise))

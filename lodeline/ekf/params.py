@@ -26,7 +26,9 @@ class LocalizerParams:
     not own up to (> `max_speed`), besides the way that it may have gone in it. While several
     magnets may be meant, the pose is ambiguous until a cell of the lattice has the probability
     `sure`.
-    `gyro_noise` is the random walk of the turn that a gyro measures, if one is connected; `track`
+    `wander` is how speed and rate of turn change while nobody looks, as random walks: it tells
+    what a gap between two samples hides. `gyro_noise` is the random walk of the turn that a gyro
+    measures, if one is connected; `track`
     is the distance of the wheels, by which a turn that only they see becomes a doubt about the
     way. `heading: on` takes the compass too: its error stays the same for long, so one reading is
     used per `heading_interval`, with `heading_sigma` more than it says of itself.
@@ -51,6 +53,7 @@ class LocalizerParams:
     widen_sigma: Annotated[tuple[float, float], "m, rad"] = (0.030, 0.10)
     reset_sigma: Annotated[tuple[float, float], "m, rad"] = (0.015, 0.10)
     sure: Annotated[float, "1"] = 0.98
+    wander: Annotated[tuple[float, float], "m/s^1.5, rad/s^1.5"] = (0.1, 1.0)
     gyro_noise: Annotated[float, "rad/s^0.5"] = 0.002
     heading: Literal["off", "on"] = "off"
     heading_sigma: Annotated[float, "rad"] = 0.05
@@ -64,7 +67,7 @@ class LocalizerParams:
         for name in (*positive, "widen_after", "max_speed", "history", "heading_interval", "track"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
-        for name in ("initial_sigma", "alpha_sigma", "reset_sigma"):
+        for name in ("initial_sigma", "alpha_sigma", "reset_sigma", "wander"):
             if min(getattr(self, name)) < 0.0:
                 raise ValueError(f"{name} must not be negative, as {getattr(self, name)} is")
         if min(self.gyro_noise, self.heading_sigma) < 0.0:

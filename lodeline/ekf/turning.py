@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from lodeline.ekf.agreement import Agreement
 from lodeline.ekf.engine import Noise
@@ -9,6 +10,13 @@ from lodeline.ekf.motion import Delta
 
 RATE_LIFE_NS = 100_000_000  # after it a reading of the gyro is no reading of the present
 SWING, SPIKE = 100.0, 0.5  # rad/s^2 and rad/s: no robot changes its turn faster than by this
+
+
+class Turn(NamedTuple):
+    """A turn that the gyro measured [rad], and its variance [rad^2]."""
+
+    angle: float
+    variance: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,24 +40,31 @@ class Turning:
                 return replace(self, stamp_ns=stamp_ns, spiked=True)
         return Turning(rate, stamp_ns, spiked=False, agreement=self.agreement)
 
-    def over(self, begin_ns: float, seconds: float) -> float | None:
-        """The turn [rad] in the `seconds` from `begin_ns` on; None if nobody measured it."""
+    def over(self, begin_ns: float, seconds: float, noise: float, wander: float) -> Turn | None:
+        """The turn in the `seconds` from `begin_ns` on; None if nobody measured it.
+
+        The rate is that of the last reading. Its `noise` [rad/s^0.5] is white; since then the true
+        one may have gone elsewhere, a random walk by `wander` [rad/s^1.5]: a gap is no turn.
+        """
         if self.stamp_ns is None or begin_ns - self.stamp_ns > RATE_LIFE_NS:
             return None
-        return self.rate * seconds
+        age = 1e-9 * (begin_ns - self.stamp_ns)
+        # of a long gap in several parts each brings its share of the variance of the whole
+        gone = wander * wander * ((age + seconds) ** 3 - age**3) / 3.0
+        return Turn(self.rate * seconds, noise * noise * seconds + gone)
 
 
-def fused(delta: Delta, noise: Noise, turn: float, variance: float) -> tuple[Delta, Noise]:
-    """The step of the wheels, corrected by the `turn` [rad] of the gyro of that variance.
+def fused(delta: Delta, noise: Noise, turn: Turn) -> tuple[Delta, Noise]:
+    """The step of the wheels, corrected by the turn of the gyro.
 
     The input U = (ds, dtheta) with covariance Q is itself a Gaussian: this is its Kalman update
     by a measurement of dtheta.
     """
-    total = noise.tt + variance
+    total = noise.tt + turn.variance
     if total <= 0.0:
         return delta, noise
     k_s, k_t = noise.st / total, noise.tt / total
-    off = turn - delta.turn
+    off = turn.angle - delta.turn
     half = 0.5 * (delta.turn + k_t * off)
     way = math.copysign(math.hypot(delta.ahead, delta.left), delta.ahead) + k_s * off
     return (

@@ -10,7 +10,7 @@ from lodeline.ekf import Belief, Estimate, Localizer, LocalizerParams
 from lodeline.ekf.engine import Noise
 from lodeline.ekf.engines import make_engine
 from lodeline.ekf.motion import Delta
-from lodeline.ekf.turning import fused
+from lodeline.ekf.turning import Turn, fused
 from lodeline.odometry import Odometry, OdometryParams
 
 MS = 1_000_000
@@ -79,7 +79,7 @@ class Robot:
 
 
 def test_wheels_and_gyro_are_weighed_as_two_measurements_of_one_turn() -> None:
-    delta, noise = fused(Delta(0.01, 0.0, 0.1), Noise(4e-6, 1e-4, 4e-3), 0.2, 1e-3)
+    delta, noise = fused(Delta(0.01, 0.0, 0.1), Noise(4e-6, 1e-4, 4e-3), Turn(0.2, 1e-3))
     assert delta.turn == pytest.approx(0.1 + 0.8 * 0.1)
     assert math.hypot(delta.ahead, delta.left) == pytest.approx(0.01 + 0.02 * 0.1)
     assert noise.tt == pytest.approx(1.0 / (1 / 4e-3 + 1 / 1e-3))
