@@ -29,6 +29,7 @@ SETTINGS: tuple[tuple[Literal["plain", "edges"], float, float], ...] = (
     ("edges", 0.012, 0.2),
     ("edges", 0.006, 0.05),
 )
+REACH = 0.00825  # m: of a reed: it stays closed over a way of 16.5 mm
 BAND = (2.54, 3.50)  # of a mean over 100 runs
 STEPS, ROUNDS = 2000, 7
 GATE = 9.21
@@ -86,20 +87,32 @@ def honesty(runs: int) -> list[dict[str, Any]]:
 
 
 def late(runs: int, delays: tuple[float, ...] = (0.0, 0.2, 0.4)) -> list[dict[str, Any]]:
-    """Magnets that arrive late: put in their place by their stamps, or taken for fresh."""
+    """Magnets that arrive late: put in their place by their stamps, or taken for fresh.
+
+    Under a bar of reeds, and under one that scatters as much as the filter is told to expect.
+    """
     params, wheels = LocalizerParams(initial_sigma=SIGMA), wheels_with(2e-5)
+    kinds = (("reeds", REACH, False), ("scattered", None, False), ("scattered", None, True))
     rows = []
     for delay in delays:
-        for restamped in (False, True) if delay else (False,):
+        for magnets, reach, restamped in kinds if delay else kinds[:2]:
             squares, count, aliased = 0.0, 0, 0
             for seed in range(runs):
                 steps = round(delay / 0.05)
-                seen = list(ride(seed, params, wheels, 1.2, delay=steps, restamped=restamped))
+                seen = list(
+                    ride(
+                        *(seed, params, wheels, 1.2),
+                        delay=steps,
+                        restamped=restamped,
+                        reach=reach,
+                    )
+                )
                 squares += sum(each.error**2 for each in seen)
                 count += len(seen)
                 aliased += seen[-1].error > 0.5 * params.lattice_pitch
             rows.append(
                 {
+                    "magnets": magnets,
                     "late_ms": round(1e3 * delay),
                     "fused": "as fresh" if restamped else "by stamp",
                     "rms_mm": round(1e3 * math.sqrt(squares / count), 2),

@@ -36,14 +36,15 @@ def ride(
     hidden: tuple[float, float] = (0.0, 0.0),
     delay: int = 0,
     restamped: bool = False,
+    reach: float | None = None,
 ) -> Iterator[Reading]:
     """Bends over `way` [m]; magnets between the ways `hidden` [m] are not seen.
 
     Readings of the bar arrive `delay` steps late; `restamped` says that they then carry the stamp
-    of their arrival, as they would without one of the sensor's.
+    of their arrival, as they would without one of the sensor's. `reach`: see `Drive`.
     """
     rng = Random(seed)
-    drive, bend = Drive(rng, params, wheels), rng.uniform(0.2, 0.6)
+    drive, bend = Drive(rng, params, wheels, reach=reach), rng.uniform(0.2, 0.6)
     odometry, localizer = Odometry(wheels), Localizer(params)
     under_way: list[tuple[float, ...]] = []
     for i in range(round(way / STEP)):
