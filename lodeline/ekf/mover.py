@@ -10,7 +10,7 @@ from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.reeds import BarMemory
 from lodeline.ekf.samples import Motion
 from lodeline.ekf.track import Track
-from lodeline.ekf.turning import Turn, fused
+from lodeline.ekf.turning import Turn, Turning, fused
 
 COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as it went
 
@@ -29,7 +29,8 @@ class Mover:
         gap_ns = after.stamp_ns - before.stamp_ns
         seconds = gap_ns * 1e-9
         delta = relative(before.x, before.y, before.yaw, after.x, after.y, after.yaw)
-        gyro = track.turning.over(
+        turning = track.turning
+        gyro = turning.over(
             before.stamp_ns + begin * gap_ns,
             seconds * share,
             params.gyro_noise,
@@ -47,10 +48,10 @@ class Mover:
         if gyro is None:
             noise = noise._replace(position=noise.position + share * self._bend(pace, seconds))
         else:
-            track, delta, noise = self._with_gyro(track, delta, noise, gyro, seconds * share)
+            turning, delta, noise = self._with_gyro(turning, delta, noise, gyro, seconds * share)
         way = math.hypot(delta.ahead, delta.left + params.bar_x * delta.turn)
-        bar = track.bar.moved(way, delta.ahead)
-        return replace(self._moved(track, delta, noise), bar=bar, pace=pace)
+        bar, predict = track.bar.moved(way, delta.ahead), self._engine.predict
+        return track.moved(lambda belief: predict(belief, delta, noise), pace, turning, bar)
 
     def lost(
         self,
@@ -75,18 +76,21 @@ class Mover:
             delta = arc(track.pace.v * reach, gyro.angle)
             tt, doubt = gyro.variance, 0.0
         noise = Noise(along * along / share, 0.0, tt, share * position * position, doubt)
-        return replace(self._moved(track, delta, noise), bar=BarMemory())
+        predict = self._engine.predict
+        return track.moved(
+            lambda belief: predict(belief, delta, noise), track.pace, track.turning, BarMemory()
+        )
 
     def _with_gyro(
-        self, track: Track, delta: Delta, noise: Noise, turn: Turn, seconds: float
-    ) -> tuple[Track, Delta, Noise]:
+        self, turning: Turning, delta: Delta, noise: Noise, turn: Turn, seconds: float
+    ) -> tuple[Turning, Delta, Noise]:
         """The step as wheels and gyro see it together; where they differ too much, the gyro."""
-        turning, off = track.turning, turn.angle - delta.turn
+        off = turn.angle - delta.turn
         agreement = turning.agreement.after(off, noise.tt + turn.variance, seconds)
         if turning.agreement.doubted or agreement.doubted:
             noise = doubting(noise, off, agreement, seconds, self._params.track)
         delta, noise = fused(delta, noise, turn)
-        return replace(track, turning=replace(turning, agreement=agreement)), delta, noise
+        return replace(turning, agreement=agreement), delta, noise
 
     def _noise(self, before: Motion, after: Motion, share: float) -> Noise:
         """Q of the lab in one of its two forms, for a `share` of the way between two samples."""
@@ -111,6 +115,3 @@ class Mover:
         """
         q_v, q_w = (each * each for each in self._params.wander)
         return (pace.v**2 * q_w + pace.w**2 * q_v) * seconds**5 / 120.0
-
-    def _moved(self, track: Track, delta: Delta, noise: Noise) -> Track:
-        return track.each(lambda belief: self._engine.predict(belief, delta, noise))

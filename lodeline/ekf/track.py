@@ -38,6 +38,13 @@ class Track:
         """True while it is not clear which magnets were met."""
         return len(self.mixture) > 1
 
+    def moved(
+        self, change: Callable[[Belief], Belief], pace: Pace, turning: Turning, bar: BarMemory
+    ) -> "Track":
+        """After a motion: the same change to every hypothesis, and what moved along with it."""
+        mixture = tuple([Hypothesis(w, change(belief)) for w, belief in self.mixture])
+        return Track(mixture, pace, turning, bar, self.lift, self.trust, self.compass_ns)
+
     def each(self, change: Callable[[Belief], Belief]) -> "Track":
         """The same change to every hypothesis."""
         mixture = tuple([Hypothesis(w, change(belief)) for w, belief in self.mixture])
