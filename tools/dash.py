@@ -2,7 +2,9 @@
 
 Serves one page on this machine only (127.0.0.1), with all it needs: it works offline. The link
 that is printed holds a token; only a page opened with it can drive the robot and restart nodes.
-Exit codes: 0 after --seconds, 1 the port is taken, 2 usage, 4 nothing runs, 130 interrupted.
+With --rerun or --foxglove it is shown in these viewers instead; they come by
+`pip install 'lodeline[viz]'`. Exit codes: 0 after --seconds, 1 the port is taken or the viewer is
+missing, 2 usage, 4 nothing runs, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -28,6 +30,8 @@ def main(argv: list[str]) -> int:
     except NothingThereError as error:
         print(error, file=sys.stderr)
         return EXIT_NOTHING
+    if arguments.rerun is not None or arguments.foxglove:
+        return _show_elsewhere(name, arguments)
     try:
         return asyncio.run(_serve(name, arguments))
     except OSError as error:
@@ -43,10 +47,46 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     made.add_argument("--name", help="which pipeline, if several run")
-    made.add_argument("--port", type=port, default=0, help="default: one that is free")
+    made.add_argument("--port", type=port, help="default: one that is free, for --foxglove 8765")
     made.add_argument("--open", action="store_true", help="open the page in a browser")
     made.add_argument("--seconds", type=seconds, metavar="N", help="stop after N seconds")
+    viewers = made.add_mutually_exclusive_group()
+    viewers.add_argument(
+        "--rerun",
+        nargs="?",
+        const="",
+        metavar="OUT.rrd|URL",
+        help="show it in Rerun: opens the viewer, or writes a file, or sends to rerun+http://...",
+    )
+    viewers.add_argument("--foxglove", action="store_true", help="serve it to Foxglove's app")
     return made
+
+
+def _show_elsewhere(name: str, arguments: argparse.Namespace) -> int:
+    from lodeline.recording.live import interrupts
+    from lodeline.viewers import NoViewerError
+    from lodeline.viewers.drawing import Canvas
+    from lodeline.viewers.feed import feed
+    from lodeline.viewers.foxglove_canvas import DEFAULT_PORT, FoxgloveCanvas
+    from lodeline.viewers.rerun_canvas import RerunCanvas
+
+    canvas: Canvas
+    try:
+        if arguments.foxglove:
+            wanted = DEFAULT_PORT if arguments.port is None else arguments.port
+            canvas = FoxgloveCanvas(name, wanted)
+            print(canvas.url, flush=True)
+            print("open this connection in Foxglove; stop: Ctrl-C", file=sys.stderr, flush=True)
+        else:
+            canvas = RerunCanvas(name, arguments.rerun)
+            print(f"{name} in Rerun; stop: Ctrl-C", file=sys.stderr, flush=True)
+    except NoViewerError as error:
+        print(error, file=sys.stderr)
+        return EXIT_FAILED
+    with interrupts() as interrupted:
+        feed(name, canvas, arguments.seconds, interrupted)
+        canvas.close()
+        return EXIT_INTERRUPTED if interrupted.is_set() else 0
 
 
 async def _serve(name: str, arguments: argparse.Namespace) -> int:
@@ -57,7 +97,7 @@ async def _serve(name: str, arguments: argparse.Namespace) -> int:
     over: asyncio.Future[int] = loop.create_future()
     for number, code in ((signal.SIGINT, EXIT_INTERRUPTED), (signal.SIGTERM, 0)):
         loop.add_signal_handler(number, _end, over, code)
-    async with Gateway(name, arguments.port) as gateway:
+    async with Gateway(name, arguments.port or 0) as gateway:
         print(gateway.url, flush=True)
         print(f"{name} in a browser; stop: Ctrl-C", file=sys.stderr, flush=True)
         if arguments.open:
