@@ -149,7 +149,7 @@ def inside(values: Sequence[float], low: float, high: float, freedom: int) -> st
     above = sum(value > high for value in values)
     mean = math.fsum(values) / len(values)
     return (
-        f"of {len(values)} {_percent(count, len(values))} inside the 95 % band, "
+        f"{_percent(count, len(values))} of {len(values)} inside the 95 % band, "
         f"{_percent(above, len(values))} above, mean {mean:.2f} (expected {freedom})"
     )
 

@@ -140,8 +140,7 @@ def _panel(axes: Axes, panel: Panel) -> None:
     colours = light()
     axes.set_ylabel(f"{panel.label} [{panel.unit}]" if panel.unit else panel.label)
     if panel.log:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        _decades(axes)
     for band in panel.bands:
         _band(axes, band)
     for curve in panel.curves:
@@ -158,6 +157,15 @@ def _panel(axes: Axes, panel: Panel) -> None:
         axes.tick_params(axis="y", length=0)
     elif not panel.log:
         axes.margins(y=MARGIN)
+
+
+def _decades(axes: Axes) -> None:
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=9))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def _curve(axes: Axes, curve: Curve) -> None:

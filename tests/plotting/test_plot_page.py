@@ -82,7 +82,7 @@ def test_its_numbers_are_those_of_the_plots(page: Chromium, rover: Path) -> None
 
 def test_a_stretch_of_time_is_zoomed_in_all_plots_moved_and_left(page: Chromium) -> None:
     box = place(page, "yaw")
-    left, right, y = box["x"] + 58, box["x"] + box["width"] - 10, box["y"] + 40
+    left, right, y = box["x"] + float(page.run("LEFT")), box["x"] + box["width"] - 10, box["y"] + 40
     first, last = page.run("time.full")
 
     def at(part: float) -> float:
@@ -108,7 +108,8 @@ def test_a_stretch_of_time_is_zoomed_in_all_plots_moved_and_left(page: Chromium)
 
 def test_under_the_pointer_stands_what_was_then(page: Chromium) -> None:
     box = place(page, "sigmas")
-    middle = box["x"] + 58 + 0.5 * (box["width"] - 68)
+    left = page.run("LEFT")
+    middle = box["x"] + left + 0.5 * (box["width"] - 10 - left)
     mouse(page, "mouseMoved", middle, box["y"] + 60)
     first, last = page.run("time.full")
     assert page.run("time.cursor") == pytest.approx((first + last) / 2, abs=0.02)

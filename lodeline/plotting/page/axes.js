@@ -1,5 +1,7 @@
 // Axes: ticks at round numbers, curves thinned to what a screen can show, boxes that tell values.
 
+const LEFT = 68; // px for the numbers of an upright axis and its name
+
 // Round numbers from low to high, about one for each `gap` of the `length` pixels.
 function roundTicks(low, high, length, gap) {
   const most = ((high - low) * gap) / Math.max(length, 1);
@@ -11,10 +13,18 @@ function roundTicks(low, high, length, gap) {
   return { ticks, text: (value) => fixed(value, digits) };
 }
 
+// Powers of ten; where there are few of them, also twice and five times these.
 function logTicks(low, high) {
   const ticks = [];
-  const every = Math.max(1, Math.ceil((Math.log10(high) - Math.log10(low)) / 6));
-  for (let n = Math.ceil(Math.log10(low) - 1e-9); n <= Math.log10(high) + 1e-9; n += every) ticks.push(10 ** n);
+  const decades = Math.log10(high) - Math.log10(low);
+  const every = Math.max(1, Math.ceil(decades / 6));
+  const parts = decades < 2.5 ? [1, 2, 5] : [1];
+  for (let n = Math.floor(Math.log10(low)); n <= Math.log10(high); n += every) {
+    for (const part of parts) {
+      const tick = part * 10 ** n;
+      if (tick >= low && tick <= high) ticks.push(tick);
+    }
+  }
   return { ticks, text: (value) => String(Number(value.toPrecision(1))) };
 }
 

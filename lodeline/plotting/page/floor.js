@@ -26,7 +26,7 @@ class FloorChart extends Card {
   }
 
   get box() {
-    return { left: 58, right: this.surface.width - 10, top: 6, bottom: this.surface.height - 34 };
+    return { left: LEFT, right: this.surface.width - 10, top: 6, bottom: this.surface.height - 34 };
   }
 
   fit() {

@@ -96,7 +96,7 @@ class TimeChart extends Card {
     canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
   }
 
-  get left() { return 58; }
+  get left() { return LEFT; }
   get right() { return this.surface.width - 10; }
 
   timeAt(x) {
