@@ -27,6 +27,7 @@ OVERFLOW = 0x08
 POWER_DOWN = 0x00
 SINGLE = 0x01
 SOFT_RESET = 0x01
+MODE_TIME = 0.001  # s in power-down between two modes; 0.1 ms is asked for
 CHECK_PERIOD = 0.1  # s
 SILENT_AFTER = 0.5  # s, when even the slowest would have measured dozens of times
 _DATA = struct.Struct("<3h")
@@ -49,6 +50,7 @@ class Ak8963:
     tesla_per_lsb: ClassVar[float] = 0.15e-6
     fuse_access: ClassVar[int] = 0x1F
     measuring: ClassVar[int] = 0x16  # continuous, 100 Hz, 16 bit
+    resettable: ClassVar[bool] = True
 
     def __init__(self, bus: Bus, params: CompassParams | None = None, name: str = "mag") -> None:
         self._bus = bus
@@ -59,7 +61,7 @@ class Ak8963:
         self._fresh_s = float("inf")
         self._repeats = Repeats()
         self.overflows = 0
-        self._link = Link(name, bus, self._address, (self._reset, self._measure))
+        self._link = Link(name, bus, self._address, (self._reset, self._read_fuses, self._measure))
 
     @property
     def health(self) -> Health:
@@ -127,13 +129,14 @@ class Ak8963:
         if got != IDENTITY:
             text = f"got 0x{got:02x}, expected 0x{IDENTITY:02x} ({self.model})"
             raise DeviceError(f"MAG_ID {self._name}: {text} at 0x{self._address:02x}")
-        self._bus.write_byte_data(self._address, CNTL2, SOFT_RESET)
-        return 0.001
+        self._bus.write_byte_data(self._address, CNTL1, POWER_DOWN)
+        if self.resettable:
+            self._bus.write_byte_data(self._address, CNTL2, SOFT_RESET)
+        return MODE_TIME
 
-    def _measure(self) -> float:
-        """Read the sensitivity from fuse ROM, then measure. Modes change through power-down."""
+    def _read_fuses(self) -> float:
+        """Read the sensitivity from fuse ROM."""
         bus, address = self._bus, self._address
-        bus.write_byte_data(address, CNTL1, POWER_DOWN)
         bus.write_byte_data(address, CNTL1, self.fuse_access)
         sx, sy, sz = (
             self.tesla_per_lsb * ((asa - 128) / 256.0 + 1.0)
@@ -141,7 +144,10 @@ class Ak8963:
         )
         self._scale = (sx, sy, sz)
         bus.write_byte_data(address, CNTL1, POWER_DOWN)
-        bus.write_byte_data(address, CNTL1, self.measuring)
+        return MODE_TIME
+
+    def _measure(self) -> float:
+        self._bus.write_byte_data(self._address, CNTL1, self.measuring)
         return 0.0
 
 
@@ -155,6 +161,7 @@ class Ak8975(Ak8963):
     tesla_per_lsb: ClassVar[float] = 0.3e-6
     fuse_access: ClassVar[int] = 0x0F
     measuring: ClassVar[int] = SINGLE
+    resettable: ClassVar[bool] = False
 
     def _burst(self) -> list[int]:
         raw = super()._burst()

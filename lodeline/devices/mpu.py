@@ -26,10 +26,10 @@ WHO_AM_I = 0x75
 
 RESET = 0x80
 CLOCK_AUTO = 0x01
-BYPASS = 0x02
+PINS = 0x22  # the magnetometer onto our bus; flags stay until INT_STATUS is read
 FLAGS = 0x11  # data ready and FIFO overflow; on the older chips they stay 0 unless enabled
 DATA_READY = 0x01
-KEEP_OLD = 0x40  # a full FIFO takes no more, so that its frames stay in step
+KEEP_OLD = 0x40  # a full FIFO takes no more; the older chips cannot
 GRAVITY = 9.80665  # m/s^2 in one g
 GYRO_CODES = {250: 0, 500: 1, 1000: 2, 2000: 3}
 ACCEL_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
@@ -121,9 +121,9 @@ class Mpu:
 
         It is read together with the data: so data of another scale are known as such at once.
         """
-        if pin_config != BYPASS:
+        if pin_config != PINS:
             self._lost(now_s)
-        return pin_config != BYPASS
+        return pin_config != PINS
 
     def decode(self, data: bytes) -> ImuReading:
         """Turn the 14 bytes of one sample into quantities."""
@@ -149,7 +149,7 @@ class Mpu:
         p = self.params
         settings = (
             p.divider - 1,
-            p.dlpf | KEEP_OLD * p.fifo,
+            p.dlpf | KEEP_OLD * (p.fifo and self.model.accel_filter),
             GYRO_CODES[p.gyro_range] << 3,
             ACCEL_CODES[p.accel_range] << 3,
             p.dlpf,
@@ -187,8 +187,7 @@ class Mpu:
         bus.write_i2c_block_data(address, SMPLRT_DIV, list(self._settings))
         bus.write_byte_data(address, FIFO_EN, self.fifo_parts)
         bus.write_byte_data(address, USER_CTRL, self.user_control)  # its own I2C master off
-        # the magnetometer onto our bus
-        bus.write_i2c_block_data(address, INT_PIN_CFG, [BYPASS, FLAGS])
+        bus.write_i2c_block_data(address, INT_PIN_CFG, [PINS, FLAGS])
         if not self._is_configured():
             raise DeviceError(f"IMU_SETTINGS {self.name}: the chip does not keep its settings")
         return START_TIME
@@ -202,6 +201,6 @@ class Mpu:
         kept = bus.read_i2c_block_data(address, SMPLRT_DIV, FIFO_EN - SMPLRT_DIV + 1)
         return (
             (*kept[: len(settings)], kept[-1]) == (*settings, self.fifo_parts)
-            and bus.read_i2c_block_data(address, INT_PIN_CFG, 2) == [BYPASS, FLAGS]
+            and bus.read_i2c_block_data(address, INT_PIN_CFG, 2) == [PINS, FLAGS]
             and bus.read_i2c_block_data(address, USER_CTRL, 2) == [self.user_control, CLOCK_AUTO]
         )

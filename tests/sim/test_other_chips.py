@@ -184,7 +184,7 @@ def test_a_full_fifo_says_so_and_keeps_the_old_or_the_new(identity: int, size: i
         assert bench.read(STATUS) & 0x10
         assert not bench.read(STATUS) & 0x10, "told once"
         data = bench.pop(size)
-        if keep_old:
+        if keep_old and identity == 0x71:  # the old chips have no such setting
             assert bench.stamps(data)[0] == pytest.approx(0.001 - LATE[identity], abs=4e-4)
         else:
             assert bench.stamps(data[size % 14 :])[-1] == pytest.approx(
@@ -213,6 +213,7 @@ def test_the_old_compass_measures_once_when_told_to() -> None:
     bench.now = 0.1
     assert bus.read_byte_data(MAG, 0x02) == 0, "it knows no continuous mode"
     bus.write_byte_data(MAG, 0x0A, 0x00)
+    bench.now = 0.1002
     bus.write_byte_data(MAG, 0x0A, 0x01)
     bench.now = 0.107
     assert bus.read_byte_data(MAG, 0x02) == 0

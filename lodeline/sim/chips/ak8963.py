@@ -19,6 +19,7 @@ DATA_READY, DATA_OVERRUN = 0x01, 0x02
 OVERFLOW, BITM = 0x08, 0x10
 POWER_DOWN, SINGLE, FUSE = 0x0, 0x1, 0xF
 SOFT_RESET = 0x01
+MODE_TIME = 100e-6  # s in power-down before another mode
 FINE = 0.15e-6  # T/LSB at 16 bit
 COARSE = 4 * FINE
 _DATA = struct.Struct("<3h")
@@ -49,6 +50,7 @@ class Ak8963Chip(RegisterChip):
     def reset(self) -> None:
         """Go back to what it is after power-on."""
         self._control = POWER_DOWN
+        self._down_since = float("-inf")
         self._status1 = 0
         self._status2 = 0
         self._data = bytes(6)
@@ -122,6 +124,10 @@ class Ak8963Chip(RegisterChip):
             mode = value & 0x0F
             if mode != POWER_DOWN and self._mode != POWER_DOWN:
                 return  # modes change through power-down only
+            if mode == POWER_DOWN and self._mode != POWER_DOWN:
+                self._down_since = self._clock()
+            elif mode != POWER_DOWN and self._clock() < self._down_since + MODE_TIME:
+                return  # too soon: the data sheet does not say what happens then
             self._control = value & 0x1F
             self._held = False
             self._status1 = 0

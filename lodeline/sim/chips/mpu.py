@@ -190,6 +190,8 @@ class MpuChip(RegisterChip):
             if not (self._identity in OLD and value & FIFO_ON):
                 self._fifo.clear()
             value &= ~FIFO_RESET
+        if register == CONFIG and self._identity in OLD:
+            value &= ~KEEP_OLD
         woken = register == PWR_MGMT_1 and self._registers[register] & ~value & SLEEP
         timing = register in (SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG)
         retimed = timing and self._registers[register] != value
