@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
+import subprocess
+import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -13,11 +17,13 @@ import msgpack
 import pytest
 
 from lodeline.bus import Client
+from lodeline.supervisor.usage import resident
 from lodeline.watch import Watch
 from lodeline_msgs import NodeStatus, Twist, WheelTicks, encoding_of, pack, unpack
+from tests.faults.nodes.stuck import ENOUGH
 from tests.faults.test_hostile_samples import BROKEN
 from tests.supervisor.talk import patience
-from tests.support.live import Up, eventually
+from tests.support.live import Up, environment, eventually
 
 NODES = Path(__file__).parent / "nodes"
 PIPELINE = f"""
@@ -44,6 +50,12 @@ nodes:
     inputs: {{wheels: wheels, command: command}}
     outputs: {{back: clumsy}}
     params: {{trips: 10}}
+  slow:
+    run: {NODES}/relay.py
+    inputs: {{wheels: {{key: wheels, queue: 1}}, command: command}}
+    outputs: {{back: slow}}
+    params: {{pause: 0.05}}
+  stuck: {{run: {NODES}/stuck.py, inputs: {{wheels: wheels}}, outputs: {{back: stuck}}}}
   sulky:
     run: {NODES}/sulky.py
     outputs: {{wheels: sulky}}
@@ -102,7 +114,15 @@ def test_a_missing_library_is_named_and_its_node_given_up_while_the_others_go_on
     processes = rig.up.ps()
     assert processes["unfounded"]["state"] == "failed"
     restarted = {name for name, process in processes.items() if process["restarts"]}
-    assert restarted - {"sulky"} == {"unfounded"}
+    assert restarted - {"sulky", "stuck"} == {"unfounded"}
+
+
+def test_a_handler_that_holds_the_interpreter_is_aborted_with_its_stack(rig: Rig) -> None:
+    assert eventually(lambda: rig.up.says("NODE_SILENT stuck for 2 s: aborted"), 20.0)
+    assert eventually(lambda: rig.up.says("NODE_EXIT stuck: SIGABRT, restart 1"))
+    assert rig.up.says("in on_wheels")
+    assert eventually(lambda: rig.status("stuck").restarts == 1)
+    assert eventually(lambda: rig.status("stuck").received["faulty/wheels"] > ENOUGH)
 
 
 def test_who_beats_but_sends_nothing_is_started_again_where_the_file_says_so(rig: Rig) -> None:
@@ -140,15 +160,81 @@ def test_check_names_what_is_not_well_and_exits_with_5_for_a_failed_process(rig:
     assert " relay: " not in said[1]
 
 
-def test_check_finds_nothing_wrong_where_all_is_well(tmp_path: Path) -> None:
-    file = tmp_path / "well.yaml"
-    well = "mute:", "half:", "clumsy:", "sulky:", "unfounded:"
+@pytest.fixture(scope="module")
+def well(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
+    """The pipeline without all that is wrong in it."""
+    file = tmp_path_factory.mktemp("well") / "well.yaml"
     head, *nodes = re.split(r"(?m)^(?=  \w+:)", PIPELINE.partition("nodes:\n")[2])
-    kept = [node for node in (head, *nodes) if not node.strip().startswith(well)]
+    kept = [node for node in (head, *nodes) if node.strip().startswith(("source:", "relay:"))]
     file.write_text(PIPELINE.partition("nodes:\n")[0] + "nodes:\n" + "".join(kept))
     with Up(file) as up:
-        assert eventually(lambda: up.call("ps", "--check").returncode == 0, 20.0, 0.5)
-        assert set(up.ps()) == {"source", "relay"}
+        yield up
+
+
+def test_check_finds_nothing_wrong_where_all_is_well(well: Up) -> None:
+    assert eventually(lambda: well.call("ps", "--check").returncode == 0, 20.0, 0.5)
+    assert set(well.ps()) == {"source", "relay"}
+
+
+def test_a_supervisor_that_stands_still_costs_no_sample_and_no_process(well: Up) -> None:
+    before = well.ps()
+    with Watch(well.running) as watch:
+        first = watch.statuses(2.0)["relay"]
+        well.process.send_signal(signal.SIGSTOP)
+        time.sleep(3.0)  # how long the fault lasts
+        well.process.send_signal(signal.SIGCONT)
+        assert eventually(lambda: watch.statuses(2.0)["relay"].seq >= first.seq + 4)
+        last = watch.statuses(2.0)["relay"]
+    taken = last.received["faulty/wheels"] - first.received["faulty/wheels"]
+    assert last.lost["faulty/wheels"] == first.lost["faulty/wheels"]
+    missed = 0.05 if patience() == 1.0 else 0.2  # by a source that gets no processor
+    assert taken > (1.0 - missed) * 100.0 * (last.stamp - first.stamp) * 1e-9
+    assert {name: each["pid"] for name, each in well.ps().items()} == {
+        name: each["pid"] for name, each in before.items()
+    }
+
+
+def test_a_tool_that_stands_still_holds_up_nobody(well: Up) -> None:
+    echo = subprocess.Popen(
+        [sys.executable, "-P", "-m", "lodeline", "topic", "echo", "back"],
+        env=environment(well.run),
+        stdout=subprocess.PIPE,
+    )
+    assert echo.stdout is not None
+    assert echo.stdout.readline()
+    with Watch(well.running) as watch:
+        first, hub = watch.statuses(2.0), resident(well.process.pid)
+        echo.send_signal(signal.SIGSTOP)
+        assert eventually(lambda: watch.statuses(2.0)["relay"].seq >= first["relay"].seq + 6)
+        last = watch.statuses(2.0)
+    echo.kill()
+    echo.wait()
+    echo.stdout.close()
+    assert last["relay"].lost == first["relay"].lost
+    taken = [each["relay"].received["faulty/wheels"] for each in (first, last)]
+    seconds = (last["relay"].stamp - first["relay"].stamp) * 1e-9
+    assert taken[1] - taken[0] > 80.0 / patience() * seconds
+    assert last["relay"].age_p99["faulty/wheels"] < 0.05 * patience()
+    assert last["relay"].rss < first["relay"].rss + 10e6
+    assert resident(well.process.pid) < hub + 10e6
+
+
+def test_a_frozen_node_does_not_hold_up_the_stop(well: Up) -> None:
+    os.kill(well.ps()["relay"]["pid"], signal.SIGSTOP)
+    began = time.monotonic()
+    assert well.stop(signal.SIGTERM) == 0
+    assert time.monotonic() - began < 3.0 * patience()
+
+
+def test_a_slow_node_gets_the_newest_samples_and_costs_the_others_none(rig: Rig) -> None:
+    first = {name: rig.status(name) for name in ("slow", "relay")}
+    assert eventually(lambda: rig.status("slow").seq >= first["slow"].seq + 3)
+    last = {name: rig.status(name) for name in ("slow", "relay")}
+    lost = {name: last[name].lost["faulty/wheels"] for name in last}
+    lost_before = {name: first[name].lost["faulty/wheels"] for name in first}
+    assert lost["slow"] - lost_before["slow"] > 100, "of 300, and it knows"
+    assert lost["relay"] == lost_before["relay"]
+    assert last["slow"].age_p50["faulty/wheels"] < 0.02 * patience(), "two periods"
 
 
 def test_an_exception_costs_its_sample_and_no_more(rig: Rig) -> None:

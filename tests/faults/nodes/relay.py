@@ -1,8 +1,10 @@
-"""Passes wheel counts on and takes commands; trips over every so many samples."""
+"""Passes wheel counts on and takes commands; trips over samples, or takes its time."""
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
+from typing import Annotated
 
 from lodeline.node import Input, Node, Output
 from lodeline_msgs import Twist, WheelTicks
@@ -10,9 +12,10 @@ from lodeline_msgs import Twist, WheelTicks
 
 @dataclass(frozen=True, slots=True)
 class RelayParams:
-    """Every `trips` samples its handler raises, never if it is 0."""
+    """Every `trips` samples its handler raises, never if it is 0; it takes `pause` for each."""
 
     trips: int = 0
+    pause: Annotated[float, "s"] = 0.0
 
 
 class Relay(Node[RelayParams]):
@@ -29,6 +32,8 @@ class Relay(Node[RelayParams]):
     def on_wheels(self, sample: WheelTicks) -> None:
         if self.params.trips and sample.left % self.params.trips == 0:
             raise ValueError(f"tripped over {sample.left}")
+        if self.params.pause:
+            time.sleep(self.params.pause)
         self.back.send(WheelTicks(sample.stamp, sample.left, self.speed))
 
     @command.handler
