@@ -78,7 +78,7 @@ class History(Generic[B]):
         i = bisect_left(self._keys, key)
         if i < len(self._keys) and self._keys[i] == key:
             return "duplicate"
-        if key[1] and self._waiting_after(i) >= self.WAITING:
+        if key[1] and self._waiting() >= self.WAITING:
             return "full"
         self._keys.insert(i, key)
         node: Node[B] = Node(sample)
@@ -98,10 +98,12 @@ class History(Generic[B]):
         motion = node.after.motion if node.after else None
         return motion is None or motion.stamp_ns < node.sample.stamp_ns
 
-    def _waiting_after(self, i: int) -> int:
-        if i > 0 and self._nodes[i - 1].after is not None and self._nodes[-1].after is not None:
-            return 0
-        return sum(node.after is None for node in self._nodes)
+    def _waiting(self) -> int:
+        """How many samples no motion has reached; they are the last ones, without a gap."""
+        count = 0
+        while count < len(self._nodes) and self._nodes[-1 - count].after is None:
+            count += 1
+        return count
 
     def _replay(self, i: int) -> None:
         mark = self._base

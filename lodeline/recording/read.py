@@ -15,6 +15,7 @@ from mcap.records import Channel, Schema
 from mcap.summary import Summary
 
 from lodeline.recording import RecordingError
+from lodeline.recording.chunks import messages
 from lodeline.recording.ends import check_ends, way_out
 from lodeline.recording.write import MESSAGE_ENCODING, METADATA
 from lodeline_msgs import MESSAGES, DecodeError, Message, unpack
@@ -104,20 +105,32 @@ class Recording:
         wanted = ours if keys is None else ours & set(keys)
         if not wanted:
             return
-        messages = self._reader.iter_messages(topics=wanted, starting_at=since)
+        summary = self._summary
+        topics = {each.id: each.topic for each in summary.channels.values()}
+        channels = {number for number, topic in topics.items() if topic in wanted}
+        found = messages(self._stream, summary, channels, since)
+        if not summary.chunk_indexes:  # a file as others may write it
+            found = (
+                (
+                    message.log_time,
+                    0,
+                    0,
+                    channel.id,
+                    message.sequence,
+                    message.publish_time,
+                    message.data,
+                )
+                for _, channel, message in self._reader.iter_messages(
+                    topics=wanted, starting_at=since
+                )
+            )
         while True:
             with self._damage():
-                found = next(messages, None)
-            if found is None:
+                each = next(found, None)
+            if each is None:
                 return
-            _, channel, message = found
-            yield Packed(
-                channel.topic,
-                message.data,
-                message.publish_time,
-                message.sequence,
-                message.log_time,
-            )
+            log_time, _, _, channel, sequence, publish_time, data = each
+            yield Packed(topics[channel], data, publish_time, sequence, log_time)
 
     def samples(self, keys: Collection[str] | None = None) -> Iterator[Sample]:
         """Messages as objects, in the same order; RecordingError for one that is malformed."""
@@ -135,6 +148,7 @@ class Recording:
         summary = self._reader.get_summary()
         if summary is None or summary.statistics is None:
             raise RecordingError(f"{self.path} has no index; {way_out(self.path)}")
+        self._summary = summary
         times = summary.statistics
         self.span = (times.message_start_time, times.message_end_time)
         for record in self._reader.iter_metadata():
