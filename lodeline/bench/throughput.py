@@ -32,6 +32,7 @@ EXIT_FAILED = 1
 LADDER = (500, 1000, 1500, 2000, 2500, 3000, 4000, 5000, 6000, 8000, 10000, 12000)
 """Rates [Hz] that are tried."""
 ALL_SENT = 0.98
+PROBE_S = 1.0
 CHAINS: dict[str, Start] = {
     "(a) process per node": runs.apart,
     "(b) estimation grouped": runs.grouped,
@@ -92,9 +93,9 @@ def parser() -> argparse.ArgumentParser:
 def largest(start: Start, ladder: list[int], seconds: float) -> int:
     """The largest rate [Hz] of a ladder at which the chain lost nothing; 0 for none."""
     best = -1
-    while best + 1 < len(ladder) and _whole(start, ladder[best + 1], min(1.0, seconds)):
+    while best + 1 < len(ladder) and _whole(start, ladder[best + 1], min(PROBE_S, seconds)):
         best += 1
-    while best >= 0 and not _whole(start, ladder[best], seconds):
+    while best >= 0 and seconds > PROBE_S and not _whole(start, ladder[best], seconds):
         best -= 1
     return ladder[best] if best >= 0 else 0
 

@@ -1,0 +1,145 @@
+"""Claims about the work that one sample costs, in steps of the interpreter: no clock is asked.
+
+A step count is the same on a busy machine. One that grows by a quarter fails here; who has a
+reason writes the new count down. Half of it fails too: then nothing is guarded any more.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from types import FrameType
+from typing import Any
+
+import pytest
+
+from lodeline.attitude.soft import Soft, SoftParams
+from lodeline.clock import HostClock, epoch_offset
+from lodeline.ekf import Localizer, LocalizerParams
+from lodeline.graph import Graph
+from lodeline.inlet import Inlet
+from lodeline.node import Input, Node, Output
+from lodeline.odometry import Odometry as Wheels
+from lodeline.odometry import OdometryParams
+from lodeline.status import Outlet
+from lodeline_msgs import Odometry, pack
+
+TOLERANCE = 1.25
+MANY, FEW = 300, 30
+
+
+class Sent:
+    """In place of a publisher of zenoh: what was put on the bus."""
+
+    key = "rover/odom"
+    watched = True
+
+    def __init__(self) -> None:
+        self.data: list[bytes] = []
+        self.put = self.data.append
+
+
+class Pass(Node[OdometryParams]):
+    """Makes a new message of each that comes."""
+
+    odom = Input(Odometry)
+    out = Output(Odometry)
+
+    @odom.handler
+    def on_odom(self, odom: Odometry) -> None:
+        self.out.send(moved(odom.stamp))
+
+
+def moved(stamp: int) -> Odometry:
+    nine, four = (1e-4,) * 9, (1e-5,) * 4
+    return Odometry(stamp, 1.0, 2.0, 0.3, 0.1, 0.2, nine, four, 0.01)
+
+
+def steps(work: Callable[[], object]) -> int:
+    """How many instructions of Python's virtual machine some work takes, in all its calls."""
+    count = 0
+
+    def trace(frame: FrameType, event: str, _value: Any) -> Any:
+        nonlocal count
+        frame.f_trace_opcodes, frame.f_trace_lines = True, False
+        count += event == "opcode"
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        work()
+    finally:
+        sys.settrace(before)
+    return count
+
+
+def each(take: Callable[[int], object]) -> float:
+    """Steps for one sample, long after the first; `take(n)` takes the n-th."""
+    for number in range(MANY):
+        take(number)
+    return steps(lambda: [take(MANY + number) for number in range(FEW)]) / FEW
+
+
+def hop(watched: bool) -> Callable[[int], object]:
+    """From bytes off the bus through inlet, handler and outlet to bytes on the bus."""
+    node, sent, clock = Pass(OdometryParams()), Sent(), HostClock(epoch_offset())
+    sent.watched = watched
+    graph = Graph({"pass": node}, {"pass": {"odom": "in"}}, {"pass": {"out": "out"}})
+    graph.tap("out", Outlet(sent))  # type: ignore[arg-type]
+    inlet = Inlet("in", Odometry, 100.0, clock, node.context.reject, graph.ports["pass", "odom"])
+    began = clock.now()
+    data = [pack(replace(moved(began + n), seq=n)) for n in range(MANY + FEW)]
+
+    def take(number: int) -> None:
+        inlet.take(data[number])
+        assert len(sent.data) == (number + 1 if watched else 0)
+
+    return take
+
+
+def attitude() -> Callable[[int], object]:
+    soft = Soft(SoftParams())
+    north, up = (0.0, 20e-6, -40e-6), (0.0, 0.0, 9.81)
+    return lambda number: soft.update(0.01, (0.0, 0.0, 0.1), up, north if number % 2 else None)
+
+
+def wheels() -> Callable[[int], object]:
+    odometry = Wheels(OdometryParams())
+    return lambda number: odometry.update(10_000_000 * (number + 1), number, number)
+
+
+def ekf() -> Callable[[int], object]:
+    """Odometry at 100 Hz with a reading of the reed bar, mostly empty, between every two."""
+    localizer = Localizer(LocalizerParams())
+    four = (1e-6, 0.0, 0.0, 1e-6)
+
+    def take(number: int) -> None:
+        stamp = 10_000_000 * (number + 1)
+        localizer.odometry(stamp, 1e-4 * number, 0.0, 0.0, four, 0.01, 0)
+        localizer.magnets(stamp + 5_000_000, ())
+
+    return take
+
+
+PATHS: dict[str, tuple[Callable[[], Callable[[int], object]], int]] = {
+    "a hop between processes": (lambda: hop(True), 820),
+    "a hop that nobody listens to": (lambda: hop(False), 750),
+    "attitude": (attitude, 1730),
+    "odometry": (wheels, 1110),
+    "ekf": (ekf, 3850),
+}
+"""What is guarded, and the steps that a sample takes there with CPython 3.11."""
+
+
+@pytest.mark.parametrize("name", PATHS)
+def test_a_sample_costs_no_more_steps_than_written_down(name: str) -> None:
+    make, known = PATHS[name]
+    found = each(make())
+    assert found <= TOLERANCE * known, f"{name}: {found:.0f} steps, {known} were known"
+    assert found >= known / 2, f"{name}: {found:.0f} steps, {known} were known: write it down"
+
+
+def test_counting_sees_work_inside_of_calls() -> None:
+    assert steps(lambda: sum(n for n in range(1000))) > 1000
