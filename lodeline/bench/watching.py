@@ -58,9 +58,10 @@ def main(argv: list[str]) -> int:
     rows = []
     for name, cost in costs.items():
         change, error = cost.difference
+        each = [f"{words} {own:.2%}" for words, own in cost.watchers.items()]
         rows.append(
             (
-                f"{name}: {', '.join(cost.watchers)}",
+                f"{name}: {', '.join(each)}",
                 f"{mean(cost.alone):.2%}",
                 f"{mean(cost.watched):.2%}",
                 f"{change:+.2%}",

@@ -7,6 +7,7 @@ import math
 import random
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -378,3 +379,32 @@ def test_what_is_paused_stays_for_longer_than_the_minute(page: Chromium) -> None
       return [held, still, store.frames[0].n, store.shown.n, store.frames.length];
     })""")
     assert kept == [1799, 1799, 4799, 5999, 1201]
+
+
+BARE = f"""
+name: bare
+nodes:
+  simulator: {{run: {ROOT}/nodes/simulator.py, outputs: {{truth: truth}}}}
+"""
+
+
+def test_each_of_two_robots_has_a_page_of_its_own_and_a_bare_one_says_what_it_lacks(
+    chromium: Chromium, up: Up, tmp_path: Path
+) -> None:
+    file = tmp_path / "bare.yaml"
+    file.write_text(BARE)
+    with Up(file, base=up.run):
+        which = up.call("dash", "--seconds", "0")
+        assert which.returncode == 4
+        assert which.stderr == "several pipelines run: choose by --name (bare, rover)\n"
+        for name in ("bare", "rover"):
+            dash = Dash(up, "--name", name)
+            chromium.open(dash.url)
+            assert chromium.comes_true(f"{STATE} === 'live'")
+            assert chromium.run("document.getElementById('name').textContent") == name
+            told = chromium.run("!document.getElementById('bound-row').hidden")
+            assert told is (name == "rover")
+            assert chromium.run("document.getElementById('horizon-box').hidden") is not told
+            assert chromium.troubles == []
+            chromium.open("about:blank")
+            dash.stop()

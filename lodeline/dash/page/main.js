@@ -59,6 +59,8 @@ const line = new Line({
     $("badge").hidden = false;
     put($("hosts"), `${said.hosts.join(" + ")} \u00b7 ${said.digest}`);
     $("error-row").hidden = !store.roles.truth;
+    $("bound-row").hidden = !store.roles.pose;
+    $("horizon-box").hidden = !store.roles.attitude;
     plots.begin(store);
     showLegend();
     drive.allow(trusted && said.drive);
@@ -116,11 +118,17 @@ function showLegend() {
     const stroke = { d: "M0 5h24", stroke: `var(--${colour})`, "stroke-width": width, "stroke-dasharray": dash, opacity: width > 4 ? 0.5 : 1 };
     return el("li", {}, svg("svg", { "aria-hidden": "true" }, svg("path", stroke)), name);
   });
+  if (store.roles.magnets) items.push(...magnetsOfLegend());
+  $("legend").replaceChildren(...items);
+}
+
+function magnetsOfLegend() {
   const dot = { cx: 12, cy: 5, r: 2, fill: "var(--magnet)" };
   const ring = { cx: 12, cy: 5, r: 5, fill: "none", stroke: "var(--hit)", "stroke-width": 1.6 };
-  items.push(el("li", {}, svg("svg", { "aria-hidden": "true" }, svg("circle", dot)), "magnet"));
-  items.push(el("li", {}, svg("svg", { "aria-hidden": "true" }, svg("circle", dot), svg("circle", ring)), "seen"));
-  $("legend").replaceChildren(...items);
+  return [
+    el("li", {}, svg("svg", { "aria-hidden": "true" }, svg("circle", dot)), "magnet"),
+    el("li", {}, svg("svg", { "aria-hidden": "true" }, svg("circle", dot), svg("circle", ring)), "seen"),
+  ];
 }
 
 function showView() {

@@ -101,11 +101,12 @@ export class FloorMap {
     this.x = (x) => width / 2 + (x - this.centre[0]) * this.scale;
     this.y = (y) => height / 2 - (y - this.centre[1]) * this.scale;
     if (!store.scene) return;
-    this.lattice(c, store.scene.floor, store.frames, index);
+    if (store.roles.magnets) this.lattice(c, store.scene.floor, store.frames, index);
     this.trail(c, store.frames, index, "truth", colours.truth, 5, [], 0.35);
     this.trail(c, store.frames, index, "odom", colours.odom, 2, [7, 4], 1);
     this.trail(c, store.frames, index, "pose", colours.ekf, 2.4, [], 1);
     if (frame?.best) this.robot(c, frame, store.scene.floor.bar_x);
+    else this.nothingYet(c, store);
     this.scaleBar(c);
   }
 
@@ -243,6 +244,25 @@ export class FloorMap {
     c.lineWidth = 2.5;
     c.stroke();
     c.restore();
+  }
+
+  nothingYet(c, store) {
+    const { width, height } = this.surface;
+    const recorded = store.scene.badge === "REPLAY";
+    const lines = [
+      store.roles.pose || store.roles.odom ? "No pose yet" : "Nothing here tells a pose",
+      ...(recorded ? ["lodeline bag play FILE"] : []),
+    ];
+    c.textAlign = "center";
+    lines.forEach((text, i) => {
+      c.font = `${i ? 13 : 17}px ${FONT}`;
+      const wide = c.measureText(text).width / 2 + 12;
+      const y = height / 2 + i * 26;
+      c.fillStyle = colours.panel;
+      c.fillRect(width / 2 - wide, y - 18, 2 * wide, 26);
+      c.fillStyle = colours["ink-2"];
+      c.fillText(text, width / 2, y);
+    });
   }
 
   scaleBar(c) {

@@ -87,6 +87,7 @@ function rolesOf(scene) {
     odom: odometry.find((key) => !isTruth(key)),
     truth: odometry.find(isTruth),
     attitude: of("AttitudeEstimate")[0],
+    magnets: of("MagnetDetection")[0],
   };
 }
 
