@@ -26,11 +26,14 @@ def main(argv: list[str]) -> int:
     """Run `lodeline ps`; the exit code."""
     arguments = parser().parse_args(argv)
     from lodeline.run_folder import running
+    from lodeline.watch import NothingThereError, choose
 
     here = running(arguments.name)
     if not here:
-        what = arguments.name or "no pipeline"
-        print(f"{what} {'does not run' if arguments.name else 'runs'} here", file=sys.stderr)
+        try:
+            choose(arguments.name)  # has the words for it
+        except NothingThereError as error:
+            print(error, file=sys.stderr)
         return EXIT_NOTHING
     reports: dict[str, dict[str, Any]] = {}
     silent = False
