@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Annotated
 
 from lodeline.bench.cable import Fault
@@ -26,6 +27,7 @@ from lodeline.tables import table
 EXIT_FAILED = 1
 SETTLE_S = 1.5
 RETURN_S = 8.0
+CUTS = (0.5, 1.0, 3.0, 5.0, 6.0, 13.0)  # s; the first two are over before anybody gives it up
 KEY, KIND = "rover/imu/data_raw", "Imu"
 
 
@@ -136,8 +138,12 @@ class Bench:
             client.close()
 
 
+def _cut(bench: Bench, seconds: float) -> Row:
+    return bench.cable(f"cut {seconds:g} s", seconds, Fault(cut=True))
+
+
 FAULTS: dict[str, Callable[[Bench], Row]] = {
-    "cut": lambda bench: bench.cable("cut 5 s", 5.0, Fault(cut=True)),
+    **{f"cut{seconds:g}": partial(_cut, seconds=seconds) for seconds in CUTS},
     "loss": lambda bench: bench.cable("5 % loss", 8.0, Fault(delay=0.002, loss=0.05)),
     "jitter": lambda bench: bench.cable("20 +- 15 ms", 8.0, Fault(delay=0.020, jitter=0.015)),
     "slow": lambda bench: bench.cable("256 kbit/s", 8.0, Fault(rate=256e3)),
