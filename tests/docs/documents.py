@@ -1,0 +1,101 @@
+"""The documents as a test reads them: blocks in order, and what is to be done with each.
+
+A comment before a block says what a reader sees without it: `<!-- test: on a robot -->`,
+`<!-- test: while it runs -->`, `<!-- test: exits 3 -->`, `<!-- test: file map.yaml -->`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.support.live import ROOT
+
+GENERATED = ("docs/cli.md",)
+DOCUMENTS = tuple(
+    file.relative_to(ROOT).as_posix()
+    for file in (
+        ROOT / "README.md",
+        ROOT / "CONTRIBUTING.md",
+        *sorted((ROOT / "docs").glob("*.md")),
+    )
+    if file.relative_to(ROOT).as_posix() not in GENERATED
+)
+_BLOCK = re.compile(
+    r"(?:^<!-- test: (?P<order>[^\n]*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$",
+    re.DOTALL | re.MULTILINE,
+)
+_LINK = re.compile(r"\]\(([^)\s]+)\)")
+LANGUAGES = ("sh", "console", "python", "yaml", "mermaid", "text", "ini")
+# What would never end, and the words that end it soon.
+ENDLESS = (
+    ("make demo", "SECONDS=2"),
+    ("lodeline demo", "--seconds 2"),
+    ("lodeline up", "--seconds 3"),
+    ("lodeline topic echo", "-n 1"),
+    ("lodeline top", "--once"),
+    ("lodeline bag record", "--seconds 2"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A block of code; `order` is what the comment before it says, "" without one."""
+
+    language: str
+    order: str
+    text: str
+    line: int
+
+    @property
+    def commands(self) -> list[str]:
+        """The commands of a shell block as they are tested: without comments, made to end."""
+        if self.language == "console":
+            lines = [line[2:] for line in self.text.splitlines() if line.startswith("$ ")]
+        else:
+            lines = self.text.replace("\\\n", " ").splitlines()
+        bare = [re.split(r"(?:^|\s)#\s", line)[0].strip() for line in lines]
+        return [_ended(line) for line in bare if line]
+
+
+def _ended(line: str) -> str:
+    for start, more in ENDLESS:
+        words = line.split()
+        if words[: len(start.split())] == start.split() and more.split()[0] not in words:
+            return line if "=" in more and more.split("=")[0] in line else f"{line} {more}"
+    return line
+
+
+def text_of(document: str) -> str:
+    return (ROOT / document).read_text()
+
+
+def blocks(document: str) -> list[Block]:
+    """All blocks of a document, in order."""
+    text = text_of(document)
+    return [
+        Block(
+            found["language"],
+            found["order"] or "",
+            found["text"],
+            text.count("\n", 0, found.start()) + 1,
+        )
+        for found in _BLOCK.finditer(text)
+    ]
+
+
+def links(document: str) -> Iterator[tuple[Path, str]]:
+    """(file, anchor) of each link that leads to a place of the project."""
+    for target in _LINK.findall(text_of(document)):
+        if not target.startswith("https://"):
+            path, _, anchor = target.partition("#")
+            here = ROOT / document
+            yield (here.parent / path if path else here), anchor
+
+
+def anchors(file: Path) -> set[str]:
+    """Where a link into a document may lead."""
+    titles = re.findall(r"^#+ (.*)$", file.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
