@@ -101,12 +101,18 @@ class Health(Protocol):
     def message(self) -> str: ...
 
 
+def log(text: str) -> None:
+    """A line on the log of this process."""
+    print(text, file=sys.stderr, flush=True)
+
+
 @dataclass(slots=True)
 class Context:
     """What a node may ask of the place it runs in, and what it tells about itself.
 
     `state` is `running`, `degraded` (usable, less accurate) or `fault` (not usable). `monotonic`
     [s] is for simulated devices, which live in a time of their own; nothing else needs a clock.
+    `say` takes what a person should read.
     `lateness` [s] is how late its last ticks began.
     """
 
@@ -116,6 +122,7 @@ class Context:
     state: str = "running"
     last_error: str = ""
     rejected: Counter[str] = field(default_factory=Counter)
+    say: Callable[[str], None] = log
     lateness: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_LATENESS))
 
     @property
@@ -126,7 +133,7 @@ class Context:
     def report(self, state: str, text: str) -> None:
         """Say how the node fares; logged when it changes."""
         if (state, text) != (self.state, self.last_error) and text:
-            print(text, file=sys.stderr, flush=True)
+            self.say(text)
         self.state, self.last_error = state, text or self.last_error
 
     def follow(self, *parts: Health) -> None:

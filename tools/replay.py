@@ -35,6 +35,8 @@ def main(argv: list[str]) -> int:
         print(error, file=sys.stderr)
         return 1
     print(json.dumps(_as_json(outcome), indent=1) if args.json else _as_text(outcome))
+    for text, times in outcome.said.items():
+        print(f"{text}{f' ({times} times)' if times > 1 else ''}", file=sys.stderr)
     for fault in outcome.faults:
         print(fault, file=sys.stderr)
     for name, count in outcome.failed.items():

@@ -71,7 +71,7 @@ def side(run: Run, key: str | None, *, from_start: bool) -> Side:
     if key is None:
         key, poses = run.estimate
     else:
-        known: dict[str, Sequence[Posed]] = {**run.poses}
+        known: dict[str, Sequence[Posed]] = {**run.poses, **run.truths}
         if key not in known:
             raise NothingToPlotError(
                 f"{run.path} has no pose on {key!r}, but on {', '.join(known)}"

@@ -81,10 +81,18 @@ class Run:
     @property
     def truth(self) -> list[Odometry]:
         """What a simulator told of where the robot was; NothingToPlotError if nobody did."""
-        for key, samples in self.samples.items():
-            if is_truth(key):
-                return [each for each in samples if isinstance(each, Odometry)]
+        for samples in self.truths.values():
+            return samples
         raise NothingToPlotError("no truth in it")
+
+    @property
+    def truths(self) -> dict[str, list[Odometry]]:
+        """The same by key; more than one if several robots were recorded."""
+        return {
+            key: [each for each in samples if isinstance(each, Odometry)]
+            for key, samples in self.samples.items()
+            if is_truth(key)
+        }
 
     @property
     def estimate(self) -> tuple[str, Sequence[PoseEstimate | Odometry]]:

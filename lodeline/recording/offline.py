@@ -7,6 +7,7 @@ anew. The same recording and the same pipeline give the same bytes, as fast as t
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -50,12 +51,15 @@ class Traffic:
 
 @dataclass(slots=True)
 class Outcome:
-    """Traffic by key, SHA-256 of all that was sent, exceptions by node and the first of them."""
+    """Traffic by key, SHA-256 of all that was sent, exceptions by node and the first of them;
+    `said` counts what nodes had to say of themselves.
+    """
 
     traffic: dict[str, Traffic]
     digest: str = ""
     failed: dict[str, int] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
+    said: Counter[str] = field(default_factory=Counter)
 
 
 class Replay:
@@ -161,7 +165,7 @@ class Replay:
                 outcome.faults.append(f"{name}: {type(error).__name__}: {error} at {message}")
 
         return Graph(
-            {spec.name: _make(spec, run_folder) for spec in self._specs},
+            {spec.name: _make(spec, run_folder, outcome.said) for spec in self._specs},
             {
                 spec.name: {port: self._short(edge.key) for port, edge in spec.inputs.items()}
                 for spec in self._specs
@@ -177,5 +181,8 @@ class Replay:
         return key.removeprefix(self._prefix)
 
 
-def _make(spec: NodeSpec, run_folder: Path) -> Node[Any]:
-    return spec.type(spec.params, Context(spec.name, run_folder))
+def _make(spec: NodeSpec, run_folder: Path, said: Counter[str]) -> Node[Any]:
+    def say(text: str) -> None:
+        said[f"{spec.name}: {text}"] += 1
+
+    return spec.type(spec.params, Context(spec.name, run_folder, say=say))

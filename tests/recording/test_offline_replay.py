@@ -168,6 +168,7 @@ class Halves(Node[Params]):
     def on_wheels(self, ticks: WheelTicks) -> None:
         if ticks.left % 2:
             raise ValueError(f"{ticks.left} is odd")
+        self.context.report("running", f"fours: {ticks.left % 4 == 0}")
         self.half.send(WheelTicks(ticks.stamp, ticks.left // 2, 0))
 
 
@@ -193,6 +194,19 @@ def test_exception_of_a_handler_is_counted_and_told_and_the_replay_goes_on(
     assert outcome.faults[0].startswith("halves: ValueError: 1 is odd at WheelTicks(stamp=1,")
     assert len(outcome.faults) == 5
     assert sum(key == "half" for key, _ in sent) == 10
+
+
+def test_what_a_node_says_again_and_again_is_counted_and_not_printed(
+    make_spec: SpecMaker,
+    make_pipeline: PipelineMaker,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    pipeline = make_pipeline(make_spec("halves", Halves, {"wheels": "wheels"}, {"half": "half"}))
+    file = record(tmp_path / "run.mcap", [("wheels", WheelTicks(i, 2 * i, 0)) for i in range(10)])
+    outcome, _ = replay(pipeline, file, tmp_path)
+    assert outcome.said == {"halves: fours: True": 5, "halves: fours: False": 5}
+    assert capsys.readouterr().err == ""
 
 
 def test_error_of_a_listener_ends_the_replay_instead_of_being_blamed_on_a_node(
@@ -239,3 +253,4 @@ def test_tables_hold_every_number_to_the_last_bit(
     with (tmp_path / "out" / "wheels.csv").open() as text:
         assert text.readline() == "stamp,left,right,seq\n"
         assert text.readline() == "100.000000000,0,0,0\n"
+
