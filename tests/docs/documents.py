@@ -29,7 +29,7 @@ _BLOCK = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
-LANGUAGES = ("sh", "console", "python", "yaml", "mermaid", "text", "ini")
+LANGUAGES = ("", "sh", "console", "python", "yaml", "mermaid")  # "": what a program printed
 # What would never end, and the words that end it soon.
 ENDLESS = (
     ("make demo", "SECONDS=2"),

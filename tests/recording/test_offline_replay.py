@@ -253,4 +253,3 @@ def test_tables_hold_every_number_to_the_last_bit(
     with (tmp_path / "out" / "wheels.csv").open() as text:
         assert text.readline() == "stamp,left,right,seq\n"
         assert text.readline() == "100.000000000,0,0,0\n"
-
