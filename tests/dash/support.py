@@ -112,6 +112,14 @@ class Reader:
                 if said["t"] == kind:
                     return said
 
+    async def hear_of(self, key: str, seconds: float = 20.0) -> Any:
+        """The first sample of a key; the frames before it are confirmed."""
+        async with asyncio.timeout(seconds):
+            while True:
+                (frame,) = await self.frames(1)
+                if key in frame["keys"]:
+                    return frame["keys"][key]
+
     async def frames(self, count: int) -> list[dict[str, Any]]:
         """So many frames, each confirmed at once."""
         found = []
