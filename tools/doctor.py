@@ -1,10 +1,14 @@
-"""Look at the robot's hardware, and say what is wrong and what to do about it.
+"""Look at the robot's hardware, its links and its clocks, and say what is wrong and what helps.
 
 `lodeline doctor bus` scans the I2C bus, `lodeline doctor imu` tries the IMU while the robot stands
 still, and without a word it does both. Which bus and which devices are expected, the pipeline file
 says; `bus: sim` is a simulated robot. A pipeline that runs meanwhile loses some samples of the IMU.
 
-Exit codes: 0 nothing failed, 1 something did, 2 usage, 3 invalid pipeline.
+`lodeline doctor net` asks a pipeline that runs which of its hosts are linked, and looks for ports
+of zenoh that this machine opens to strangers. `lodeline doctor clock` measures how far each host's
+clock is ahead of this machine's, with an error bar.
+
+Exit codes: 0 nothing failed, 1 something did, 2 usage, 3 invalid pipeline, 4 no pipeline runs.
 """
 
 from __future__ import annotations
@@ -13,28 +17,39 @@ import argparse
 import json
 import sys
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from lodeline.doctor.report import Check, Report
     from lodeline.i2c import Bus
 
-FAILED = 1
+FAILED, NOTHING = 1, 4
+RUNNING = ("net", "clock")
+"""Topics that concern a pipeline that runs, and no bus."""
 
 
 def main(argv: list[str]) -> int:
     """Run `lodeline doctor`; the exit code."""
-    arguments = parser().parse_args(argv)
+    from lodeline.doctor.report import Report
+
+    arguments = _parsed(argv)
+    report = Report(None if arguments.json else _show)
+    if arguments.topic in RUNNING:
+        return _running(report, arguments)
+    return _hardware(report, arguments)
+
+
+def _hardware(report: Report, arguments: argparse.Namespace) -> int:
     from lodeline.doctor.bus import check_bus, check_file, check_msgpack
     from lodeline.doctor.imu import Clock, check_imu
-    from lodeline.doctor.report import Report
     from lodeline.doctor.wiring import wiring_of
     from lodeline.pipeline.load import find, load
 
     pipeline = load(find(arguments.pipeline))
     wiring = wiring_of(pipeline)
     where = arguments.bus if arguments.bus is not None else wiring.bus
-    report = Report(None if arguments.json else _show)
     if where is None:
         report.add("bus", "FAIL", f"no driver of {pipeline.file} names a bus", "name it: --bus 1")
         return _end(report, arguments.json)
@@ -55,6 +70,39 @@ def main(argv: list[str]) -> int:
     return _end(report, arguments.json)
 
 
+def _running(report: Report, arguments: argparse.Namespace) -> int:
+    from lodeline.doctor.clock import check_clocks
+    from lodeline.doctor.net import check_links, check_ports, open_ports
+    from lodeline.watch import NothingThereError, Watch, choose
+
+    measured: dict[str, Any] = {}
+    nothing = 0
+    try:
+        with Watch(choose(arguments.name)) as watch:
+            if arguments.topic == "net":
+                check_links(report, watch)
+            else:
+                measured = {"hosts": check_clocks(report, watch)}
+    except NothingThereError as error:
+        report.add("pipeline", "skip", str(error))
+        nothing = NOTHING
+    if arguments.topic == "net":
+        check_ports(report, open_ports())
+    return _end(report, arguments.json, measured) or nothing
+
+
+def _parsed(argv: list[str]) -> argparse.Namespace:
+    """The arguments, each of them of some use for its topic."""
+    taking = parser()
+    arguments = taking.parse_args(argv)
+    hardware = (arguments.bus, arguments.pipeline, arguments.field)
+    if arguments.topic in RUNNING and any(each is not None for each in hardware):
+        taking.error(f"{arguments.topic} looks at a pipeline that runs: --name chooses it")
+    if arguments.topic not in RUNNING and arguments.name is not None:
+        taking.error("--name is for net and clock; a bus is found by --pipeline")
+    return arguments
+
+
 def parser() -> argparse.ArgumentParser:
     """What `lodeline doctor` takes."""
     parser = argparse.ArgumentParser(
@@ -62,12 +110,15 @@ def parser() -> argparse.ArgumentParser:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("topic", nargs="?", choices=["bus", "imu"], help="only these checks")
+    parser.add_argument(
+        "topic", nargs="?", choices=["bus", "imu", *RUNNING], help="only these checks"
+    )
     parser.add_argument("--bus", type=_bus, metavar="N", help="another I2C bus: 1, sim")
     parser.add_argument(
         "--pipeline", metavar="FILE", help="pipeline file or profile (default: ./pipeline.yaml)"
     )
     parser.add_argument("--field", type=float, metavar="UT", help="the field expected here [uT]")
+    parser.add_argument("--name", metavar="PIPELINE", help="net, clock: which, if several run")
     parser.add_argument("--json", action="store_true", help="print JSON")
     return parser
 
@@ -95,9 +146,9 @@ def _show(check: Check) -> None:
     print(check, flush=True)
 
 
-def _end(report: Report, as_json: bool) -> int:
+def _end(report: Report, as_json: bool, measured: Mapping[str, Any] | None = None) -> int:
     if as_json:
-        print(json.dumps(report.plain(), indent=2))
+        print(json.dumps({**report.plain(), **(measured or {})}, indent=2))
     else:
         verdicts = [check.verdict for check in report.checks]
         counts = ", ".join(

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from lodeline.doctor.report import Check, Report
+from lodeline.doctor.report import Report
 from lodeline.hosts.links import PORT
-from lodeline.watch import NothingThereError, Watch, choose
+from lodeline.watch import Watch
 
-EXIT_FAILED, EXIT_NOTHING = 1, 4
 SCOUTING_PORT = 7446
 """Where zenoh answers multicast."""
 _LISTEN = "0A"
@@ -34,31 +31,6 @@ class Port:
 
     def __str__(self) -> str:
         return f"{self.protocol} {self.address}:{self.number}"
-
-
-def main(argv: list[str]) -> int:
-    """Run `lodeline doctor net`; the exit code: 0 fine, 1 something is not, 4 nothing runs."""
-    arguments = parser().parse_args(argv)
-    report = Report(None if arguments.json else _show)
-    try:
-        with Watch(choose(arguments.name)) as watch:
-            check_links(report, watch)
-    except NothingThereError as error:
-        print(error, file=sys.stderr)
-        check_ports(report, open_ports())
-        return EXIT_FAILED if report.failed else EXIT_NOTHING
-    check_ports(report, open_ports())
-    if arguments.json:
-        print(json.dumps(report.plain(), indent=1))
-    return EXIT_FAILED if report.failed else 0
-
-
-def parser() -> argparse.ArgumentParser:
-    """What `lodeline doctor net` takes."""
-    parser = argparse.ArgumentParser(prog="lodeline doctor net", description=__doc__)
-    parser.add_argument("--name", metavar="PIPELINE", help="which pipeline, if several run")
-    parser.add_argument("--json", action="store_true", help="JSON on standard output")
-    return parser
 
 
 def check_links(report: Report, watch: Watch) -> None:
@@ -120,10 +92,3 @@ def _address(text: str) -> str:
     if sys.byteorder == "little":
         words = b"".join(words[i : i + 4][::-1] for i in range(0, len(words), 4))
     return socket.inet_ntop(socket.AF_INET if len(words) == 4 else socket.AF_INET6, words)
-
-
-_show: Callable[[Check], None] = print
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

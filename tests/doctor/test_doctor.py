@@ -22,6 +22,7 @@ from lodeline.doctor.imu import Clock, check_imu
 from lodeline.doctor.report import Check, Report
 from lodeline.doctor.wiring import Expected, Wiring, wiring_of
 from lodeline.pipeline.load import load
+from lodeline.run_folder import VARIABLE
 from lodeline.sim.adapter import FUNCS
 from lodeline.sim.chips.registers import RegisterChip
 from tests.devices.rig import Rig
@@ -351,3 +352,36 @@ def test_the_command_tries_the_imu_of_a_simulated_robot(
     said = json.loads(capsys.readouterr().out)
     names = [check["name"] for check in said["checks"]]
     assert names[-2:] == ["magnetometer", "field strength"]
+
+
+@pytest.mark.parametrize("topic", ["net", "clock"])
+def test_where_no_pipeline_runs_the_rest_is_still_looked_at(
+    topic: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    main(["doctor", topic])
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first.startswith(" 1  skip  pipeline: no pipeline runs here: start one")
+    code = main(["doctor", topic, "--json"])
+    said = json.loads(capsys.readouterr().out)
+    assert code == (4 if said["fine"] else 1), "a port may be open on this machine"
+    assert [check["name"] for check in said["checks"][1:]] == ["ports"] * len(said["checks"][1:])
+    assert (len(said["checks"]) > 1) is (topic == "net")
+
+
+@pytest.mark.parametrize(
+    ("words", "advice"),
+    [
+        (["net", "--bus", "1"], "net looks at a pipeline that runs: --name chooses it"),
+        (["imu", "--name", "rover"], "--name is for net and clock"),
+    ],
+)
+def test_an_option_of_another_topic_is_refused(
+    words: list[str], advice: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["doctor", *words])
+    assert advice in capsys.readouterr().err

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from lodeline.hosts.offset import NodeTime, Offset, better, measured
 from tests.hosts.net import Host, Net
-from tests.support.live import ROOT, environment, eventually
+from tests.support.live import environment, eventually
 
 SKEW_S = 600
 # UNIX time of one process set forward, its monotonic clock left as it is.
@@ -61,11 +61,10 @@ def skewed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def doctor(host: Host, what: str) -> dict[str, Any]:
     """What `lodeline doctor WHAT --json` says on a machine."""
-    command = [sys.executable, "-m", f"lodeline.doctor.{what}", "--json"]
+    command = [sys.executable, "-P", "-m", "lodeline", "doctor", what, "--json"]
     done = subprocess.run(
         host.machine.command(*command),
         env=environment(host.run),
-        cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
@@ -76,7 +75,17 @@ def doctor(host: Host, what: str) -> dict[str, Any]:
 
 def test_the_doctor_says_who_is_linked_and_what_is_open(net: Net) -> None:
     file = net.file()
-    with Host(net.robot, file, "robot") as robot:
+    robot = Host(net.robot, file, "robot")
+    seen = doctor(robot, "net")
+    assert seen["code"] == 4
+    assert [check["verdict"] for check in seen["checks"]] == ["skip", "ok"]
+    assert seen["checks"][0]["text"].startswith("no pipeline runs here")
+    with robot:
+        seen = doctor(robot, "clock")
+        verdicts = {check["name"]: (check["verdict"], check["fix"]) for check in seen["checks"]}
+        fix = "`lodeline doctor net` says whether it is up and linked"
+        assert verdicts == {"clock of robot": ("ok", ""), "clock of laptop": ("FAIL", fix)}
+        assert seen["code"] == 1
         seen = doctor(robot, "net")
         assert [check["verdict"] for check in seen["checks"]] == ["warn", "ok"]
         assert seen["checks"][1]["text"] == f"tcp {net.address}:7447 is open on one address"
@@ -121,7 +130,11 @@ def test_a_laptop_ten_minutes_ahead_takes_the_robots_time(
         seen = row["to"]["watcher"]
         assert -seen["age_error"] <= seen["age_p50"] < 1.0
         assert re.search(r"its clock -(600\.0|599\.9)\d+ s \+- ", laptop.call("ps").stdout)
-        clocks = doctor(laptop, "clock")["hosts"]
+        said = doctor(laptop, "clock")
+        (check,) = [check for check in said["checks"] if check["verdict"] == "warn"]
+        assert check["name"] == "clock of laptop" and "set-ntp" in check["fix"]
+        assert re.match(r"\+(6000|5999)\d\d\.\d+ \+- \d+\.\d+ ms ahead", check["text"])
+        clocks = said["hosts"]
         apart = clocks["laptop"]["offset"] - clocks["robot"]["offset"]
         bar = clocks["laptop"]["error"] + clocks["robot"]["error"]
         assert apart == pytest.approx(SKEW_S, abs=bar + 0.001)
