@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from lodeline.loading import shipped
-from tests.docs.documents import DOCUMENTS, LANGUAGES, Block, anchors, blocks, links
+from tests.docs.documents import DOCUMENTS, ELSEWHERE, LANGUAGES, Block, anchors, blocks, links
 from tests.support.live import ROOT, Up, environment
 
 KEPT = ("nodes", "examples", "proto", "tests/data/recordings", "pipeline.yaml")
@@ -114,7 +114,7 @@ def test_blocks_are_of_a_known_kind(document: str) -> None:
     assert {block.language for block in blocks(document)} <= {*LANGUAGES}
 
 
-@pytest.mark.parametrize("document", [*DOCUMENTS, "proto/README.md", "docs/cli.md"])
+@pytest.mark.parametrize("document", [*DOCUMENTS, *ELSEWHERE, "proto/README.md"])
 def test_links_lead_somewhere(document: str) -> None:
     dead = [
         f"{path}#{anchor}"
