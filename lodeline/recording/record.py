@@ -98,7 +98,11 @@ class Recorder:
             self.stopped.set()
 
     def _sync(self) -> None:
-        while not self.stopped.wait(SYNC_S):
+        due = time.monotonic() + SYNC_S
+        while not self.stopped.wait(max(0.0, due - time.monotonic())):
+            due = time.monotonic() + SYNC_S  # a slow disk does not put off the next time
+            with self._lock:
+                self._writer.flush()
             self.sink.sync()
 
     def close(self, end: str) -> None:

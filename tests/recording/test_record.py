@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -18,10 +19,13 @@ from mcap.reader import make_reader
 
 from lodeline.bus import Client
 from lodeline.recording import RecordingError
+from lodeline.recording.live import record_live
 from lodeline.recording.read import Recording
 from lodeline.recording.record import Recorder, default_name
+from lodeline.recording.recover import recover
 from lodeline.recording.sink import BALLAST
 from lodeline.recording.summary import summarize
+from lodeline.watch import Watch
 from lodeline_msgs import Imu, Twist, class_of, encoding_of, pack, unpack
 from tests.support.live import ROOT, Up, environment, eventually, lodeline
 
@@ -282,6 +286,42 @@ def test_a_kill_costs_at_most_the_last_six_tenths_of_a_second(
         found = numbers(saved, "imu/data_raw")
         assert found == list(range(found[0], found[-1] + 1))
         assert killed - listener.when(found[-1]) <= 0.6
+
+
+def test_a_power_cut_costs_at_most_the_last_1_2_seconds(
+    up: Up, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    confirmed: list[tuple[float, int]] = []  # when [s] the disk had how many bytes for certain
+    real = os.fdatasync
+
+    def fdatasync(descriptor: int) -> None:
+        size = os.fstat(descriptor).st_size
+        real(descriptor)
+        confirmed.append((time.monotonic(), size))
+
+    monkeypatch.setattr(os, "fdatasync", fdatasync)
+    monkeypatch.setenv("LODELINE_RUN", str(up.run))  # where the pipeline is looked for
+    file, cut, saved = tmp_path / "run.mcap", tmp_path / "cut.mcap", tmp_path / "saved.mcap"
+    heard = Listener(up, "rover/truth")
+    with Watch(up.running) as watch:
+        # A key so slow that it fills no chunk in a second: full ones go to the disk by themselves.
+        made = Recorder(file, "rover", {"truth": "Odometry"}, {"pipeline": "rover"})
+        begun = time.monotonic()
+        record_live(watch, made, 3.6, threading.Event(), lambda _: None)
+    heard.close()
+    data = file.read_bytes()
+    assert confirmed[0][0] - begun <= 1.2
+    # The worst moment for a cut is just before the disk confirms the next bytes.
+    for turn, ((_, size), (worst, _)) in enumerate(pairwise(confirmed)):
+        cut.write_bytes(data[:size] + bytes(4096 * (turn % 2)))  # room that was given, not filled
+        found = recover(cut, saved, replace=True)
+        assert not found.complete
+        kept = numbers(saved, "truth")
+        assert kept == list(range(kept[0], kept[-1] + 1))
+        lost = worst - heard.when(kept[-1] + 1)
+        assert lost <= 1.2
+        print(f"{lost:.2f} s lost")
+    assert len(confirmed) >= 3
 
 
 def test_a_recorder_that_was_frozen_says_exactly_what_it_missed(
