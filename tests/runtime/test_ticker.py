@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import pytest
 
+from lodeline.bus import Hub
 from lodeline.clock import HostClock
+from lodeline.launch import Launch
 from lodeline.node import Driver, Node
 from lodeline.stamps import Steps
+from lodeline.status import StatusReporter
 from lodeline.ticker import Ticker
+from lodeline_msgs import NodeStatus, unpack
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +114,32 @@ def test_an_exception_in_a_tick_is_counted_and_the_next_tick_comes() -> None:
     assert failures.seen[:3] == [("no reading", 1), ("no reading", 2), ("no reading", 1)]
     assert driver.context.rejected["exception"] == 3
     assert driver.context.last_error == "ValueError: no reading"
+
+
+def test_a_driver_that_skips_more_than_a_twentieth_of_its_ticks_is_degraded(
+    short_folder: Path,
+) -> None:
+    driver = Counting(Params(rate=100.0))
+    driver.wanted = 20
+    pauses = iter([0.0] * 5 + [0.2])
+    driver.do = lambda: time.sleep(next(pauses, 0.0))
+    hub = Hub(short_folder)
+    launch = Launch("rover", "0123", "robot", "wheels", str(short_folder), 0, "host", 0, 0, ())
+    said: queue.Queue[NodeStatus] = queue.Queue()
+    hub.subscribe("rover/status/*", 8, lambda _key, data, _: said.put(unpack(data, NodeStatus)))
+    reporter = StatusReporter(launch, {"wheels": driver}, hub)
+    ticker = started(driver)
+    assert driver.enough.wait(10.0)
+    ticker.stop()
+    reporter.send(1)
+    reporter.send(2)  # no tick was skipped since
+    first, second = said.get(timeout=5.0), said.get(timeout=5.0)
+    hub.close()
+    missed = first.rejected["missed tick"]
+    assert missed > 5
+    assert first.state == "degraded"
+    assert first.last_error.startswith(f"MISSED_TICKS wheels: {missed} of 100 in the last second")
+    assert (second.state, second.last_error) == ("running", "")
 
 
 def test_a_tick_that_hangs_shows() -> None:
