@@ -68,6 +68,9 @@ def _write(exercise: Exercise, file: Path) -> int:
     try:
         with file.open("x") as stream:
             stream.write(exercise.blank())
+    except FileExistsError:
+        print(f"{file} is there already, and stays as it is: give another name", file=sys.stderr)
+        return WRONG
     except OSError as error:
         print(f"lodeline grade: {file}: {error.strerror}", file=sys.stderr)
         return WRONG
@@ -91,7 +94,7 @@ def _as_json(found: Grade) -> dict[str, object]:
 
 def _as_text(found: Grade) -> str:
     lines = [f"{found.sent} of {found.wanted} samples"]
-    for each in found.differences:
+    for each in found.differences if found.sent else ():
         quantity = each.quantity
         verdict = "right" if each.fine else f"wrong, worst {each.seconds:.2f} s after the start"
         lines.append(

@@ -26,10 +26,9 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """A way in which people get it wrong: the function so written, and what to tell them."""
+    """A way in which people get it wrong: functions as they write them, and what to tell them."""
 
-    function: str
-    wrong: Callable[..., Any]
+    parts: dict[str, Callable[..., Any]]
     hint: str
 
 
@@ -85,7 +84,7 @@ EXERCISES = {
             {"wheels": "wheels"},
             "odom",
             _pose(1e-7),
-            tuple(Mistake("travel", *each) for each in mistakes.TRAVEL),
+            tuple(Mistake({"travel": wrong}, hint) for wrong, hint in mistakes.TRAVEL),
         ),
         Exercise(
             "heading",
@@ -93,7 +92,7 @@ EXERCISES = {
             {"mag": "imu/mag_raw"},
             "attitude",
             (Quantity("yaw", "rad", 1e-6, _yaw, angle=True),),
-            tuple(Mistake("heading", *each) for each in mistakes.HEADING),
+            tuple(Mistake({"heading": wrong}, hint) for wrong, hint in mistakes.HEADING),
         ),
         Exercise(
             "measurement",
@@ -102,8 +101,12 @@ EXERCISES = {
             "pose",
             _pose(1e-6),
             (
-                *(Mistake("expected", *each) for each in mistakes.EXPECTED),
-                *(Mistake("jacobian", *each) for each in mistakes.JACOBIAN),
+                *(Mistake({"expected": wrong}, hint) for wrong, hint in mistakes.EXPECTED),
+                *(
+                    Mistake({"expected": wrong, "jacobian": mistakes.right_jacobian}, hint)
+                    for wrong, hint in mistakes.EXPECTED
+                ),
+                *(Mistake({"jacobian": wrong}, hint) for wrong, hint in mistakes.JACOBIAN),
             ),
         ),
     )

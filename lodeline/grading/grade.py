@@ -164,8 +164,9 @@ def _run(exercise: Exercise, cls: type[Node[Any]], drives: Sequence[Samples]) ->
 def _differences(exercise: Exercise, answer: Sent, right: Sent) -> tuple[Difference, ...]:
     found = []
     for quantity in exercise.quantities:
-        worst, when = 0.0, 0.0
-        for place in answer.keys() & right.keys():
+        both = answer.keys() & right.keys()
+        worst, when = 0.0 if both else inf, 0.0
+        for place in both:
             off = quantity.of(answer[place]) - quantity.of(right[place])
             off = abs(wrap_angle(off) if quantity.angle and isfinite(off) else off)
             if off > worst or isnan(off):  # not a number is as far off as can be
@@ -183,12 +184,12 @@ def _hint(
     """What a known mistake with the same answer is called, "" if it is none of them."""
     module = sys.modules[reference.__module__]
     for mistake in exercise.mistakes:
-        good = getattr(module, mistake.function)
-        setattr(module, mistake.function, mistake.wrong)
+        good = {name: getattr(module, name) for name in mistake.parts}
+        vars(module).update(mistake.parts)
         try:
             wrong = _run(exercise, reference, drives).sent
         finally:
-            setattr(module, mistake.function, good)
+            vars(module).update(good)
         if wrong.keys() == answer.keys() and all(
             difference.fine for difference in _differences(exercise, answer, wrong)
         ):

@@ -13,6 +13,8 @@ Pair = tuple[float, float]
 Row = tuple[float, float, float]
 Wrong = tuple[Callable[..., Any], str]
 
+NOTHING = "this is the blank as it was: your part is still to be written"
+
 
 def _euler(left: float, right: float, track: float, yaw: float) -> Row:
     way, turn = 0.5 * (left + right), (right - left) / track
@@ -39,12 +41,32 @@ def _from_north(left: float, right: float, track: float, yaw: float) -> Row:
     return way * sin(yaw + 0.5 * turn), way * cos(yaw + 0.5 * turn), turn
 
 
+def _both_wheels(left: float, right: float, track: float, yaw: float) -> Row:
+    way, turn = left + right, (right - left) / track
+    return way * cos(yaw + 0.5 * turn), way * sin(yaw + 0.5 * turn), turn
+
+
+def _twice_track(left: float, right: float, track: float, yaw: float) -> Row:
+    way, turn = 0.5 * (left + right), 0.5 * (right - left) / track
+    return way * cos(yaw + 0.5 * turn), way * sin(yaw + 0.5 * turn), turn
+
+
+def _no_travel(_left: float, _right: float, _track: float, _yaw: float) -> Row:
+    return 0.0, 0.0, 0.0
+
+
 TRAVEL: tuple[Wrong, ...] = (
     (_euler, "this is Euler's sum: it takes the heading from before the step"),
     (_end_heading, "this takes the heading from after the step"),
     (_half_track, "the robot turns twice as far as it should: is track the whole distance?"),
+    (
+        _twice_track,
+        "the robot turns half as far as it should: when one wheel stands, how far is it?",
+    ),
+    (_both_wheels, "the robot goes twice as far as it should: its middle is between the wheels"),
     (_clockwise, "left and right are exchanged: which wheel goes further in a left turn?"),
     (_from_north, "sine and cosine are exchanged: yaw 0 is east, not north"),
+    (_no_travel, NOTHING),
 )
 
 
@@ -73,11 +95,16 @@ def _off_by_a_quarter(x: float, y: float, low: Pair, high: Pair) -> float:
     return -atan2(b, a)
 
 
+def _no_heading(_x: float, _y: float, _low: Pair, _high: Pair) -> float:
+    return 0.0
+
+
 HEADING: tuple[Wrong, ...] = (
     (_uncalibrated, "low and high are not used: the iron on the robot is still in it"),
     (_unscaled, "the middle is right, but both axes must reach equally far"),
     (_turned_over, "this is where north is, seen from the robot: where is the robot then?"),
     (_off_by_a_quarter, "this counts from north: where is yaw 0?"),
+    (_no_heading, NOTHING),
 )
 
 
@@ -107,16 +134,26 @@ def _no_turn(_x: float, _y: float, yaw: float, _magnet: Pair) -> tuple[Row, Row]
 
 
 def _positive(x: float, y: float, yaw: float, magnet: Pair) -> tuple[Row, Row]:
-    (a, b, c), (d, e, f) = _right(x, y, yaw, magnet)
+    (a, b, c), (d, e, f) = right_jacobian(x, y, yaw, magnet)
     return (-a, -b, c), (-d, -e, f)
 
 
 def _turn_negated(x: float, y: float, yaw: float, magnet: Pair) -> tuple[Row, Row]:
-    (a, b, c), (d, e, f) = _right(x, y, yaw, magnet)
+    (a, b, c), (d, e, f) = right_jacobian(x, y, yaw, magnet)
     return (a, b, -c), (d, e, -f)
 
 
-def _right(x: float, y: float, yaw: float, magnet: Pair) -> tuple[Row, Row]:
+def _transposed(x: float, y: float, yaw: float, magnet: Pair) -> tuple[Row, Row]:
+    (a, b, c), (d, e, f) = right_jacobian(x, y, yaw, magnet)
+    return (a, -b, c), (-d, e, f)
+
+
+def _no_rows(_x: float, _y: float, _yaw: float, _magnet: Pair) -> tuple[Row, Row]:
+    return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+
+def right_jacobian(x: float, y: float, yaw: float, magnet: Pair) -> tuple[Row, Row]:
+    """`jacobian` as it should be, whatever `expected` says."""
     east, north = magnet[0] - x, magnet[1] - y
     forward, left = cos(yaw) * east + sin(yaw) * north, cos(yaw) * north - sin(yaw) * east
     return (-cos(yaw), -sin(yaw), left), (sin(yaw), -cos(yaw), -forward)
@@ -126,4 +163,6 @@ JACOBIAN: tuple[Wrong, ...] = (
     (_no_turn, "jacobian: a turn moves the magnet in the robot's view too (third column)"),
     (_positive, "jacobian: when the robot goes forward, the magnet comes nearer (x and y)"),
     (_turn_negated, "jacobian: the third column has the wrong sign"),
+    (_transposed, "jacobian: the sines of the first two columns have the wrong sign"),
+    (_no_rows, "jacobian: still to be written"),
 )

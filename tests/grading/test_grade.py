@@ -11,10 +11,13 @@ import pytest
 
 from lodeline import cli
 from lodeline.grading import EXERCISES, GradingError, grade, mistakes
+from lodeline.grading.exercise import Mistake
 
 Capture = pytest.CaptureFixture[str]
 MISTAKES = [
-    pytest.param(name, mistake, id=f"{name}-{mistake.wrong.__name__}")
+    pytest.param(
+        name, mistake, id=f"{name}-{'-'.join(wrong.__name__ for wrong in mistake.parts.values())}"
+    )
     for name, exercise in EXERCISES.items()
     for mistake in exercise.mistakes
 ]
@@ -48,18 +51,17 @@ def test_the_solution_passes(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "mistake"), MISTAKES)
 def test_a_known_mistake_is_told_apart_from_all_others(
-    name: str, mistake: object, tmp_path: Path
+    name: str, mistake: Mistake, tmp_path: Path
 ) -> None:
-    wrong, hint, function = (getattr(mistake, word) for word in ("wrong", "hint", "function"))
     text = EXERCISES[name].file.read_text()
-    # The student's function, written as the mistake writes it.
-    line = (
-        f"from lodeline.grading.mistakes import {wrong.__name__}\n{function} = {wrong.__name__}\n"
+    # The student's functions, written as the mistake writes them.
+    line = "from lodeline.grading import mistakes\n" + "".join(
+        f"{function} = mistakes.{wrong.__name__}\n" for function, wrong in mistake.parts.items()
     )
     place = text.index("@dataclass")
     found = grade(EXERCISES[name], write(tmp_path, text[:place] + line + text[place:]), seeds=(1,))
     assert not found.passed
-    assert found.hint == hint
+    assert found.hint == mistake.hint
 
 
 def test_another_way_to_write_it_passes_too(tmp_path: Path) -> None:
@@ -91,6 +93,7 @@ def test_what_raises_is_no_number_or_sends_nothing_does_not_pass(
     assert not found.passed
     assert found.raised.startswith(why)
     assert not found.raised or why
+    assert not any(difference.fine for difference in found.differences) or found.sent
 
 
 @pytest.mark.parametrize(
@@ -125,7 +128,7 @@ def test_the_verb_lists_writes_and_grades(tmp_path: Path, capsys: Capture) -> No
     assert cli.main(["grade", "heading", "--blank", mine]) == 0
     assert f"lodeline grade heading {mine}" in capsys.readouterr().out
     assert cli.main(["grade", "heading", "--blank", mine]) == 1
-    assert "File exists" in capsys.readouterr().err
+    assert "is there already, and stays as it is" in capsys.readouterr().err
     assert cli.main(["grade", "heading", mine, "--seed", "1", "--json"]) == 1
     report = json.loads(capsys.readouterr().out)
     assert report["passed"] is False
@@ -153,4 +156,4 @@ def test_every_mistake_has_a_hint_of_its_own() -> None:
         mistakes.JACOBIAN,
     ]
     hints = [hint for each in lists for _, hint in each]
-    assert len(hints) == len(set(hints)) == 15
+    assert len(hints) == len(set(hints)) == 20
