@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from lodeline.ekf.belief import Belief
 from lodeline.ekf.engine import Detection, Engine, Innovation
-from lodeline.ekf.mixture import MOST, Hypothesis, Mixture, reduced
+from lodeline.ekf.mixture import LEAST, MOST, Hypothesis, Mixture, reduced
 from lodeline.ekf.reeds import Sight
 from lodeline.magnets.lattice import Lattice
 
@@ -114,19 +114,21 @@ class Association:
         return self._detection(sight, self._lattice.nearest(*self._spot(belief, sight)))
 
     def _candidates(self, belief: Belief, sight: Sight) -> list[Detection]:
-        """The nearest magnet and all others within the gate, or more than `MOST`."""
+        """The nearest magnet and all others that may be meant, or more than `MOST`.
+
+        A wide gate lets in no more of them than have a weight beside the nearest.
+        """
         nearest = self._nearest(belief, sight)
         s = self._engine.weigh(belief, nearest)
-        radius = math.sqrt(self._branch_gate * _longest(s.s00, s.s01, s.s11))
+        gate = max(BRANCH_GATE, min(self._gate, s.nis - 2.0 * math.log(LEAST)))
+        radius = math.sqrt(gate * _longest(s.s00, s.s01, s.s11))
         if math.pi * radius * radius > 4.0 * MOST * self._lattice.pitch**2:
             return [nearest] * (MOST + 1)
         detections = (
             self._detection(sight, magnet)
             for magnet in self._lattice.around(*self._spot(belief, sight), radius)
         )
-        return [
-            each for each in detections if self._engine.weigh(belief, each).nis <= self._branch_gate
-        ]
+        return [each for each in detections if self._engine.weigh(belief, each).nis <= gate]
 
     def _spot(self, belief: Belief, sight: Sight) -> tuple[float, float]:
         """Where a belief puts the magnet that was seen [m]."""

@@ -70,6 +70,17 @@ def test_a_hit_beyond_the_gate_is_counted_and_moves_nothing() -> None:
     assert (after.x, after.y, after.covariance) == (before.x, before.y, before.covariance)
 
 
+@pytest.mark.parametrize("gate", [9.21, 100.0, 1000.0, 1e6])
+def test_with_a_gate_however_wide_a_magnet_still_corrects(gate: float) -> None:
+    """At the bar 0.07 rad make 5.6 mm, as 5 mm of place do: a neighbour may just be meant."""
+    localizer = started(initial_pose=(-0.025, 0.010, 0.0), initial_sigma=(0.005, 0.07), gate=gate)
+    after = localizer.magnets(0, (0.0,))
+    assert after is not None
+    assert after.nis > 1.0
+    assert after.y < 0.008
+    assert len(localizer.state.track.mixture) < 5
+
+
 def readings_until_found(widen_after: int) -> int | None:
     """Put down 24 mm beside where it is said to be; wheels and start claim no doubt."""
     localizer = started(
