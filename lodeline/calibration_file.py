@@ -28,7 +28,10 @@ SECTIONS = ("gyro", "accel", "mag", "wheels")
 
 
 class CalibrationFileError(Exception):
-    """No calibration can be had from a file; the text begins with CAL_MISSING or CAL_CORRUPT."""
+    """No calibration can be had from a file; the text begins with CAL_MISSING or CAL_CORRUPT.
+
+    Or none can be put there: the text says why.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +69,16 @@ def load(file: Path) -> Loaded:
 def store(file: Path, name: str, section: Section) -> None:
     """Put a section into the file, beside those that it has; all of it or nothing.
 
-    The file as it was becomes NAME.prev if it was whole. OSError if it cannot be written.
+    The file as it was becomes NAME.prev if it was whole. CalibrationFileError if it cannot be
+    written.
     """
+    try:
+        _store(file, name, section)
+    except OSError as error:
+        raise CalibrationFileError(f"{file}: cannot be written: {error.strerror}") from None
+
+
+def _store(file: Path, name: str, section: Section) -> None:
     try:
         sections = dict(load(file).sections)
     except CalibrationFileError:

@@ -101,7 +101,7 @@ def write_estimates(source: Path, estimator: Attitude, target: Path) -> tuple[in
     """Run the estimator over a file; (rows written, what looks odd about the readings)."""
     from lodeline.recording.write import whole_file
 
-    if target.exists() and target.samefile(source):
+    if target.exists() and source.exists() and target.samefile(source):
         raise RecordingError(f"{target} is the input: give another name")
     rows = 0
     strongest: list[float] = [0.0, 0.0]

@@ -2,8 +2,7 @@
 
 `t_s` [s], `gx gy gz` [rad/s], `ax ay az` [m/s^2, specific force], `mx my mz` [uT]; the order is
 free, other columns are left alone, `#` begins a line of comment, and `;` or a tab may stand for the
-comma. What is wrong is told with file
-and line. Microtesla become tesla here and nowhere else.
+comma. What is wrong is told with file and line. Microtesla become tesla here and nowhere else.
 """
 
 from __future__ import annotations
@@ -85,7 +84,10 @@ class CsvTable:
                 for name, place in zip(names, places, strict=True)
             )
             if None in numbers[: len(needed)]:
-                self.fail(line, f"{names[numbers.index(None)]} is empty, expected a number")
+                missing = numbers.index(None)
+                cell = cells[places[missing]].strip()
+                text = repr(cell) if cell else "empty"
+                self.fail(line, f"{names[missing]} is {text}, expected a number")
             yield line, numbers
 
     def fail(self, line: int, text: str) -> NoReturn:

@@ -119,10 +119,13 @@ class RecordingWriter:
 def whole_file(path: Path, *, replace: bool = False) -> Iterator[BinaryIO]:
     """A new file that appears under its name when it is complete, or not at all.
 
-    RecordingError if there is one already (unless `replace`), or no folder to put it in.
+    RecordingError if there is one already (unless `replace`), or no folder to put it in, or a
+    folder of that name.
     """
     if path.exists() and not replace:
         raise RecordingError(f"{path} exists already: give another name, or --force to replace it")
+    if path.is_dir():
+        raise RecordingError(f"{path}: cannot be written: is a folder")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         stream = temporary.open("xb")

@@ -228,6 +228,20 @@ def test_what_would_mislead_is_refused_and_the_file_stays(
     assert not previous(out).exists()
 
 
+@pytest.mark.parametrize(
+    ("place", "reason"), [("no/such.yaml", "No such file or directory"), (".", "Is a directory")]
+)
+def test_a_result_that_cannot_be_written_is_told_with_its_place(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], place: str, reason: str
+) -> None:
+    still = [(0.01 * i, *w, *a) for i, (w, a) in enumerate(rest(4.0))]
+    csv = table(tmp_path / "rest.csv", "t_s,gx,gy,gz,ax,ay,az", still)
+    out = tmp_path / place
+    assert main(["calibrate", "gyro", "--from", str(csv), "-o", str(out)]) == 1
+    assert capsys.readouterr().err == f"{out}: cannot be written: {reason}\n"
+    assert list(tmp_path.iterdir()) == [csv]
+
+
 def test_calibrated_keys_are_not_taken_for_raw_ones(
     tmp_path: Path, out: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

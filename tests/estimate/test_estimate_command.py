@@ -130,7 +130,7 @@ GOOD = "0,0,0,0,0,0,9.8,0,20,-40"
         (table(NORTH, GOOD.replace("9.8", "up")), "in.csv:2: az is 'up', expected a number"),
         (table(NORTH, GOOD.replace("9.8", "inf")), "in.csv:2: az is 'inf', expected a number"),
         (table(NORTH, GOOD.replace("9.8", "")), "in.csv:2: az is empty"),
-        (table(NORTH, GOOD.replace("9.8", "nan")), "in.csv:2: az is empty"),
+        (table(NORTH, GOOD.replace("9.8", "nan")), "in.csv:2: az is 'nan', expected a number"),
         (table(NORTH, GOOD.replace("9.8", "1e7")), "in.csv:2: not a measurement"),
         (table(NORTH, "1" + GOOD[1:], GOOD), "in.csv:3: time goes back"),
     ],
@@ -172,6 +172,19 @@ def test_a_failed_run_leaves_the_old_result_as_it_was(recording: Path) -> None:
     assert run(recording)[0] == 1
     assert recording.with_name("out.csv").read_bytes() == old
     assert sorted(file.name for file in recording.parent.iterdir()) == ["in.csv", "out.csv"]
+
+
+def test_a_file_that_is_not_there_and_a_place_that_cannot_be_written_are_named(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run(recording)
+    missing, folder = recording.with_name("typo.csv"), recording.parent
+    assert run(missing)[0] == 1
+    assert capsys.readouterr().err.endswith(f"{missing}: No such file or directory\n")
+    assert main(["estimate", str(recording), "-o", str(folder)]) == 1
+    assert capsys.readouterr().err == f"{folder}: cannot be written: is a folder\n"
+    assert main(["estimate", str(recording), "-o", str(folder / "no" / "out.csv")]) == 1
+    assert "out.csv: cannot be written: No such file" in capsys.readouterr().err
 
 
 def test_the_input_is_never_overwritten(recording: Path) -> None:
