@@ -33,15 +33,28 @@ class Association:
         self._bar_x, self._gate = bar_x, gate
         self._branch_gate = max(gate, BRANCH_GATE)
         self._wide = (0.5 * lattice.pitch - bar_error) / 3.0
+        self._astray = 0.5 * (lattice.pitch - bar_error) / 3.0
 
     def is_wide(self, belief: Belief) -> bool:
         """True if 3 sigma of the bar's place reach so far that a neighbour may be meant."""
+        return self._variance(belief) > self._wide * self._wide
+
+    def is_astray(self, belief: Belief, *, before: bool) -> bool:
+        """True if the bar may be in another cell: wide by half of the bar's own error more.
+
+        If it was so `before`, until it is not even wide any more: it does not come and go.
+        """
+        limit = self._wide if before else self._astray
+        return self._variance(belief) > limit * limit
+
+    def _variance(self, belief: Belief) -> float:
+        """Variance [m^2] of the bar's place along the longest axis of its ellipse."""
         bx, by = self._bar_x * math.cos(belief.yaw), self._bar_x * math.sin(belief.yaw)
         _, _, _, p00, p01, p02, p11, p12, p22 = belief
         c00 = p00 - 2.0 * by * p02 + by * by * p22
         c01 = p01 + bx * p02 - by * p12 - bx * by * p22
         c11 = p11 + 2.0 * bx * p12 + bx * bx * p22
-        return _longest(c00, c01, c11) > self._wide * self._wide
+        return _longest(c00, c01, c11)
 
     def is_torn(self, belief: Belief, sights: Sequence[Sight]) -> bool:
         """True if one of these sights may be of more than one magnet."""

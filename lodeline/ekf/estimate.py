@@ -11,12 +11,13 @@ class Estimate:
 
     `nis` is the squared Mahalanobis distance of the last detection (2 degrees of freedom, 0 before
     the first), `rejected` counts the detections that the gate refused. `ambiguous` says that
-    magnets may be, or may have been, taken for their neighbours: the 3-sigma ellipse reaches half
-    the pitch less the bar's own error, or the cell of the pose has less than the probability
-    asked for. `certainty` is that probability, as far as it was ever in doubt; the covariance has
-    all hypotheses in it. `alarms` counts how often too many magnets were not where they should
-    have been, or the robot was tilted as no floor does: it was moved, or is lost, its certainty
-    is 0 and stays so. `slipping` says that the wheels turn the robot otherwise than the gyro does,
+    magnets may be, or may have been, taken for their neighbours: the 3-sigma ellipse of the bar
+    reaches half the pitch less half of the bar's own error (and since then has not shrunk to half
+    the pitch less all of it), or the cell of the pose has less than the probability asked for.
+    `certainty` is that probability, as far as it was ever in doubt; the covariance has all
+    hypotheses in it. `alarms` counts how often too many magnets were not where they should have
+    been, or the robot was tilted as no floor does: it was moved, or is lost, its certainty is 0 and
+    stays so. `slipping` says that the wheels turn the robot otherwise than the gyro does,
     `stuck_reed` that a reed stays closed over more way than any magnet is long.
     """
 

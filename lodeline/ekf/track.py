@@ -18,6 +18,7 @@ class Track:
 
     `mixture` has one hypothesis while it is clear which magnets were met, the likeliest first
     while it is not. `compass_ns` is when a heading was used last (None: never).
+    `wide` remembers that the pose was in doubt: that ends at a lower level than it begins.
     """
 
     mixture: Mixture
@@ -27,6 +28,7 @@ class Track:
     lift: Lift = field(default_factory=Lift)
     trust: Trust = field(default_factory=Trust)
     compass_ns: int | None = None
+    wide: bool = False
 
     @property
     def belief(self) -> Belief:
@@ -43,7 +45,7 @@ class Track:
     ) -> "Track":
         """After a motion: the same change to every hypothesis, and what moved along with it."""
         mixture = tuple([Hypothesis(w, change(belief)) for w, belief in self.mixture])
-        return Track(mixture, pace, turning, bar, self.lift, self.trust, self.compass_ns)
+        return Track(mixture, pace, turning, bar, self.lift, self.trust, self.compass_ns, self.wide)
 
     def each(self, change: Callable[[Belief], Belief]) -> "Track":
         """The same change to every hypothesis."""

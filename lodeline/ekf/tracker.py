@@ -1,5 +1,7 @@
 """One EKF step after the other: what each kind of sample does to the track."""
 
+from dataclasses import replace
+
 from lodeline.ekf.association import Association
 from lodeline.ekf.bar import Bar
 from lodeline.ekf.belief import Belief, certain
@@ -9,7 +11,7 @@ from lodeline.ekf.landmarks import sighted
 from lodeline.ekf.mixture import Hypothesis, certainty, spread
 from lodeline.ekf.mover import Mover
 from lodeline.ekf.params import LocalizerParams
-from lodeline.ekf.samples import Fix, Hits, Measurement, Spin
+from lodeline.ekf.samples import Fix, Hits, Measurement, Motion, Spin
 from lodeline.ekf.track import Track
 from lodeline.magnets.lattice import Lattice
 
@@ -26,18 +28,30 @@ class Tracker:
         self._association = Association(
             engine, lattice, params.bar_x, params.gate, params.bar_error
         )
-        mover = Mover(engine, params)
-        self.advance, self.lost = mover.advance, mover.lost
+        self._mover = Mover(engine, params)
         self._bar, self._inertial = Bar(self._association, params), Inertial(engine, params)
 
     def start(self) -> Track:
         """The track before any sample."""
         params = self._params
         belief = certain(*params.initial_pose).widened(*params.initial_sigma)
-        return Track((Hypothesis(1.0, belief),))
+        return Track((Hypothesis(1.0, belief),), wide=self._association.is_wide(belief))
+
+    def advance(
+        self, track: Track, before: Motion, after: Motion, begin: float, end: float
+    ) -> Track:
+        """After a part of a motion: see `Mover.advance`."""
+        return self._marked(self._mover.advance(track, before, after, begin, end))
+
+    def lost(self, track: Track) -> Track:
+        """After a moment at which nobody knows where the robot went."""
+        return self._marked(self._mover.lost(track))
 
     def observe(self, track: Track, sample: Measurement) -> Track:
         """After a sample that is no motion."""
+        return self._marked(self._observed(track, sample))
+
+    def _observed(self, track: Track, sample: Measurement) -> Track:
         if isinstance(sample, Hits) and self._params.magnet_model == "none":
             return track
         if isinstance(sample, Hits):
@@ -62,7 +76,7 @@ class Tracker:
         After an alarm it goes on as well as it can, but which cell of the lattice it is in no
         magnet tells: it is not trusted again.
         """
-        wide = self._association.is_wide(track.belief)
+        wide = self._association.is_astray(track.belief, before=track.wide)
         belief, sure = track.belief, 1.0
         if track.torn:
             belief = spread(track.mixture)
@@ -70,3 +84,8 @@ class Tracker:
         if track.trust.alarms:
             return belief.widened(*MOVED_SIGMA), 0.0, True
         return belief, sure, wide or sure < self._params.sure
+
+    def _marked(self, track: Track) -> Track:
+        """With `wide` as it is now."""
+        wide = self._association.is_astray(track.belief, before=track.wide)
+        return track if wide == track.wide else replace(track, wide=wide)

@@ -129,6 +129,35 @@ def test_ambiguous_when_three_sigma_reach_half_the_pitch_less_the_bar_s_own_erro
     assert of(started(initial_sigma=(sigma, 0.01))).ambiguous is ambiguous
 
 
+def test_doubt_about_the_cell_begins_above_the_level_at_which_it_ends() -> None:
+    """8.2 mm (24.5 mm = 3 sigma) and 7.2 mm: in between nothing changes, up or down."""
+    growing, shrinking, told = (
+        started(initial_sigma=(0.007, 0.0)),
+        started(initial_sigma=(0.01, 0.0)),
+        [],
+    )
+    for i, more in enumerate((0.003, 0.004), 1):  # to 7.6 and 8.6 mm
+        out = growing.odometry(
+            i * 50 * MS, 0.0, 0.0, 0.0, (400.0 * more**2, 0.0, 0.0, 0.0), 0.05, 0
+        )
+        told.append(out is not None and out.ambiguous)
+    assert told == [False, True]
+    told = [of(shrinking).ambiguous]
+    for i in (1, 2):  # to 7.7 and 6.5 mm
+        shrinking.odometry(i * 50 * MS, 0.0, 0.0, 0.0, SURE, 0.05, 0)
+        shrinking.position(i * 50 * MS, 0.0, 0.0, 0.012)
+        told.append(of(shrinking).ambiguous)
+    assert told == [True, True, False]
+
+
+def test_a_robot_that_starts_with_the_usual_doubt_meets_its_first_magnet_without_an_alarm() -> None:
+    """From (0, 0) it is 24 mm to the first reed that closes; the heading is known to 0.05 rad."""
+    localizer = started()
+    for i in range(1, 13):
+        localizer.odometry(i * 10 * MS, i * 0.002, 0.0, 0.0, (0.003, 0.0, 0.0, 1.0), 0.01, 0)
+        assert not of(localizer).ambiguous
+
+
 @pytest.mark.parametrize("announced", [True, False])
 def test_over_a_jump_of_the_odometry_the_robot_is_taken_to_go_on_as_it_went(
     announced: bool,
