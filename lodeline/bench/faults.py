@@ -1,4 +1,4 @@
-"""Faults injected into a running pipeline: how soon seen, how soon over, what was lost and said.
+"""Faults injected into running pipelines: how soon seen, how soon over, what was lost and said.
 
 `detected` is the time to the line on the log or to the node's status, `recovered` the time from the
 end of the fault to when the key flows again, `lost` the samples missing on that key by its rate.
@@ -12,12 +12,14 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from lodeline.bench.rig import Rig
+from lodeline.bench.unruly import PIPELINE
 from lodeline.supervisor.guard import kill_marked
 from lodeline.tables import table
 from lodeline_msgs import Imu, Twist, encoding_of, pack
@@ -59,6 +61,7 @@ def main(argv: list[str]) -> int:
         rows = [run(rig, case) for case in CASES]
         rows.append(second_up(rig, arguments.file))
         rows.append(killed_supervisor(rig))
+    rows += unruly_nodes()
     headings = ("FAULT", "DETECTED", "RECOVERED", "LOST", "MESSAGE")
     cells = [
         (row.fault, _seconds(row.detected), _seconds(row.recovered), str(row.lost), row.message)
@@ -153,6 +156,15 @@ def _commands(make: Callable[[int], bytes], count: int) -> Callable[[Rig], None]
     return inject
 
 
+def _begin(node: str) -> Callable[[Rig], None]:
+    def inject(rig: Rig) -> None:
+        publisher = rig.client.publisher(f"{rig.name}/begin_{node}", encoding_of(Twist))
+        rig.until(lambda: publisher.watched, PATIENCE_S)
+        publisher.put(pack(Twist(time.time_ns(), 0.0, 0.0)))
+
+    return inject
+
+
 def _flood(rig: Rig) -> None:
     publisher = rig.client.publisher(f"{rig.name}/cmd_vel", encoding_of(Twist))
     rig.until(lambda: publisher.watched, PATIENCE_S)
@@ -183,6 +195,17 @@ def second_up(rig: Rig, file: str) -> Row:
     return Row(
         "a second up", took if refused else None, 0.0 if on else None, 0, result.stderr.strip()
     )
+
+
+def unruly_nodes() -> list[Row]:
+    """Nodes that are silent, leak, or flood the log, in a pipeline of their own."""
+    with tempfile.TemporaryDirectory(prefix="llb") as folder:
+        file = Path(folder) / "unruly.yaml"
+        file.write_text(PIPELINE, encoding="utf-8")
+        with Rig(str(file)) as rig:
+            # In the first five seconds of its life no rate is judged.
+            rig.until(lambda: rig.count("silent") > 600, PATIENCE_S)
+            return [run(rig, case) for case in UNRULY]
 
 
 def killed_supervisor(rig: Rig) -> Row:
@@ -235,4 +258,9 @@ CASES = (
     Case("10 MB samples", _commands(lambda _: bytes(10_000_000), 3), ""),
     Case("a flood of cmd_vel", _flood, "not msgpack"),
     Case("supervisor frozen 2 s", _freeze_supervisor, "NODE_EXIT magnets"),
+)
+UNRULY = (
+    Case("a node is silent", _begin("silent"), "NO_DATA", "silent"),
+    Case("a node leaks, rss_mb 120", _begin("leak"), "RSS leak", "leak"),
+    Case("5000 lines a second", _begin("talk"), "lines dropped", "talk"),
 )
