@@ -155,5 +155,5 @@ def test_every_mistake_has_a_hint_of_its_own() -> None:
         mistakes.EXPECTED,
         mistakes.JACOBIAN,
     ]
-    hints = [hint for each in lists for _, hint in each]
-    assert len(hints) == len(set(hints)) == 20
+    for each in lists:
+        assert len({hint for _, hint in each}) == len(each) >= 3
