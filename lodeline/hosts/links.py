@@ -74,7 +74,11 @@ def _secured(pipeline: Pipeline, host: str) -> dict[str, Any]:
         for way in ("listen", "connect")
         for what, end in (("certificate", "pem"), ("private_key", "key"))
     }
-    authority = {"root_ca_certificate": str(folder / "ca.pem"), "enable_mtls": True}
+    authority = {
+        "root_ca_certificate": str(folder / "ca.pem"),
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
+    }
     return {
         "transport/link/tls": authority | pair,
         "access_control": access_control(pipeline, host),

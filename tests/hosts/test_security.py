@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,8 @@ from lodeline.hosts import certificates
 from lodeline.hosts.certificates import KeysError
 from tests.hosts.net import Host, Net
 from tests.support.live import eventually
+
+LIFE_S = 10.0
 
 # Speaks for itself: any certificate, any keys.
 STRANGER = """
@@ -121,6 +124,24 @@ def test_cmd_vel_needs_a_grant(net: Net, keys: Path) -> None:
         stranger(net, keys, "laptop", "rover/cmd_vel")
         assert "rover/cmd_vel" in forged
         client.close()
+
+
+def test_a_link_ends_with_its_certificate(net: Net, keys: Path) -> None:
+    file = net.file(more=f"tls: {keys}")
+    with Host(net.robot, file, "robot") as robot:
+        (keys / "laptop.pem").unlink()
+        (keys / "laptop.key").unlink()
+        certificates.add(keys, "laptop", days=LIFE_S / 86400)
+        with Host(net.laptop, file, "laptop") as laptop:
+            assert laptop.says("TLS laptop.pem expires in 0 days")
+            assert eventually(lambda: robot.linked("laptop"), LIFE_S, 0.1)
+            end = certificates.read(keys / "laptop.pem").not_valid_after_utc.timestamp()
+            assert eventually(lambda: robot.says("LINK_LOST laptop"), 2.0 * LIFE_S, 0.1)
+            assert -1.0 < time.time() - end < 6.0, "not before, and a lease later at most"
+            assert not eventually(lambda: robot.linked("laptop"), 3.0, 0.2)
+        with pytest.raises(AssertionError, match=r"TLS laptop.pem expired 20\d\d"):
+            Host(net.laptop, file, "laptop").__enter__()
+        assert robot.process.poll() is None
 
 
 def test_up_names_what_is_wrong_with_a_certificate(keys: Path, tmp_path: Path) -> None:
