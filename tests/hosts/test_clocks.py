@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lodeline.hosts.offset import NodeTime, Offset, better, measured
+from lodeline.terminal.traffic import delay_table
 from tests.hosts.net import Host, Net
 from tests.support.live import environment, eventually
 
@@ -139,6 +140,18 @@ def test_a_laptop_ten_minutes_ahead_takes_the_robots_time(
         bar = clocks["laptop"]["error"] + clocks["robot"]["error"]
         assert apart == pytest.approx(SKEW_S, abs=bar + 0.001)
         assert bar < 0.2
+
+
+@pytest.mark.parametrize(
+    ("error", "shown"),
+    [(None, "(12.00 ms ?)"), (0.0015, "12.00 ms +-1.5"), (0.0, "12.00 ms")],
+    ids=["two clocks never compared", "two clocks", "one clock"],
+)
+def test_an_age_without_a_bar_is_marked_as_doubtful(error: float | None, shown: str) -> None:
+    seen = {"age_p50": 0.012, "age_p99": 0.012, "age_error": error, "lost": 0, "late": 0}
+    table = delay_table([{"key": "speed", "to": {"watcher": seen}}])
+    assert table.splitlines()[1].count(shown) == 2
+    assert ("?" in table) is (error is None)
 
 
 @given(
