@@ -17,6 +17,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from lodeline.doctor.report import Check, Report
     from lodeline.i2c import Bus
+    from lodeline.pipeline.model import Pipeline
 
 FAILED, NOTHING = 1, 4
 RUNNING = ("net", "clock")
@@ -53,7 +55,7 @@ def _hardware(report: Report, arguments: argparse.Namespace) -> int:
     if where is None:
         report.add("bus", "FAIL", f"no driver of {pipeline.file} names a bus", "name it: --bus 1")
         return _end(report, arguments.json)
-    bus = _open(where) if check_file(report, where) else None
+    bus = _open(where, pipeline) if check_file(report, where) else None
     if bus is None:
         for topic in _topics(arguments.topic):
             report.add(topic, "skip", "the bus cannot be opened")
@@ -131,7 +133,8 @@ def _topics(topic: str | None) -> tuple[str, ...]:
     return ("bus", "imu") if topic is None else (topic,)
 
 
-def _open(where: int | str) -> Bus:
+def _open(where: int | str, pipeline: Pipeline) -> Bus:
+    """A simulated one is that of the file's simulator, whose robot stands still."""
     from lodeline.i2c import Bus, open_model
 
     if where != "sim":
@@ -139,7 +142,9 @@ def _open(where: int | str) -> Bus:
     from lodeline.sim.params import RobotParams
     from lodeline.sim.robot import SimulatedRobot
 
-    return open_model(SimulatedRobot(RobotParams(speed=0.0), time.monotonic).bus)
+    robots = (getattr(spec.params, "robot", None) for spec in pipeline.nodes)
+    robot = next((each for each in robots if isinstance(each, RobotParams)), RobotParams())
+    return open_model(SimulatedRobot(replace(robot, speed=0.0), time.monotonic).bus)
 
 
 def _show(check: Check) -> None:

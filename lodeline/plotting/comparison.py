@@ -68,6 +68,9 @@ def side(run: Run, key: str | None, *, from_start: bool) -> Side:
 
     NothingToPlotError for a key that has no pose.
     """
+    if key is None and not run.poses:
+        truths = f", but a truth: --key {next(iter(run.truths))}" if run.truths else ""
+        raise NothingToPlotError(f"{run.path} has no PoseEstimate and no Odometry{truths}")
     if key is None:
         key, poses = run.estimate
     else:

@@ -344,6 +344,18 @@ def test_the_command_prints_numbered_checks_and_exits_with_1_on_a_failure(
     assert {check["verdict"] for check in said["checks"][1:]} == {"skip"}
 
 
+def test_the_simulated_robot_is_that_of_the_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = (ROOT / "pipeline.yaml").read_text()
+    (tmp_path / "nodes").symlink_to(ROOT / "nodes")
+    broken = tmp_path / "pipeline.yaml"
+    broken.write_text(text.replace("{seed: 1}", "{seed: 1, bar_chip: none}"))
+    assert main(["doctor", "bus", "--pipeline", str(broken), "--json"]) == 1
+    assert "0x20" in capsys.readouterr().out
+    assert broken.read_text() != text
+
+
 def test_the_command_tries_the_imu_of_a_simulated_robot(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
