@@ -9,8 +9,8 @@ from lodeline.attitude import METHODS
 from lodeline.attitude.compass import CompassParams, TiltCompassParams
 from lodeline.attitude.complementary import ComplementaryParams
 from lodeline.attitude.dcm import DcmParams
+from lodeline.attitude.error_state import MekfParams
 from lodeline.attitude.gyro import GyroParams
-from lodeline.attitude.mekf import MekfParams
 from lodeline.attitude.soft import SoftParams
 from lodeline.node import Input, Node, Output
 from lodeline.stamps import Steps

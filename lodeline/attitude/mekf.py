@@ -14,36 +14,18 @@ Pushes of the body and errors of the compass last for a while: a measurement tha
 `time` seconds counts once in that time, not once per sample.
 """
 
-from dataclasses import dataclass
 from math import hypot, pi, sqrt
-from typing import Annotated
 
-from lodeline.attitude.base import GRAVITY, Attitude, positive
-from lodeline.attitude.covariance import (
-    CERTAIN,
-    Covariance,
-    Row,
-    corrected,
-    diagonal,
-    predicted,
-    symmetric,
-    widened,
-)
+from lodeline.attitude.base import GRAVITY, Attitude
+from lodeline.attitude.covariance import Covariance, diagonal, predicted, symmetric, widened
 from lodeline.attitude.doubt import HOLE, NO_IDEA, UNKNOWN_HEADING, hole_variance
+from lodeline.attitude.error_state import ZERO, MekfParams, MekfState, correct, plus, share
 from lodeline.attitude.field import disturbed, weigh
 from lodeline.attitude.fix import north_yaw, points_somewhere, tilt_of
 from lodeline.attitude.iron import without_iron
-from lodeline.attitude.rest import (
-    BIAS_AT_REST,
-    REST_MEAN_TIME,
-    RestParams,
-    RestState,
-    resting,
-    surprise,
-)
+from lodeline.attitude.rest import BIAS_AT_REST, REST_MEAN_TIME, resting, surprise
 from lodeline.attitude.strapdown import ahead, turned
 from lodeline.rotation import (
-    IDENTITY,
     Quaternion,
     Vector,
     from_euler,
@@ -56,49 +38,6 @@ from lodeline.rotation import (
 
 PERIOD = 0.05  # [s] between corrections; the gyro is integrated at every sample
 SCALE_TIME = 1.0  # [s] for which a body turns about the same axis
-_ZERO: Vector = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class MekfParams(RestParams):
-    """Noise of the sensors; densities are per square root of a second."""
-
-    gyro_noise: Annotated[float, "rad/s/sqrt(Hz)"] = 0.0005
-    gyro_scale: Annotated[float, "1"] = 0.005  # error of scale and axes, times the rate
-    bias_walk: Annotated[float, "rad/s/sqrt(s)"] = 0.00005
-    bias_at_start: Annotated[float, "rad/s"] = 0.0087
-    accel_noise: Annotated[float, "m/s^2"] = 0.05  # of one sample
-    push: Annotated[float, "m/s^2"] = 0.3  # acceleration of the body, standard deviation
-    push_time: Annotated[float, "s"] = 0.5  # for which a push lasts
-    compass_noise: Annotated[float, "rad"] = 0.06  # of one heading
-    compass_wander: Annotated[float, "rad"] = 0.06  # of the field from place to place
-    compass_time: Annotated[float, "s"] = 5.0  # for which a deviation of the field lasts
-    compass_offset: Annotated[float, "rad"] = 0.03  # that no averaging takes out
-
-    def __post_init__(self) -> None:
-        RestParams.__post_init__(self)
-        positive(
-            gyro_noise=self.gyro_noise,
-            accel_noise=self.accel_noise,
-            push_time=self.push_time,
-            compass_noise=self.compass_noise,
-            compass_time=self.compass_time,
-        )
-
-
-@dataclass(slots=True)
-class MekfState(RestState):
-    """Everything between two samples."""
-
-    attitude: Quaternion = IDENTITY  # body to world
-    bias: Vector = _ZERO
-    covariance: Covariance = CERTAIN  # of d [rad] and e [rad/s]
-    push_variance: float = 0.0  # of the specific force about gravity, as seen lately
-    span: float = 0.0  # what is gathered for the next correction: time [s], sums and counts
-    samples: int = 0
-    fields: int = 0
-    force: Vector = _ZERO  # world axes
-    field: Vector = _ZERO
 
 
 class Mekf(Attitude):
@@ -124,10 +63,10 @@ class Mekf(Attitude):
         still = resting(s, self.params, dt, rate, force)
         if dt > HOLE:  # what was gathered before it belongs to another attitude
             s.samples = s.fields = 0
-            s.force = s.field = _ZERO
+            s.force = s.field = ZERO
         s.span += dt
         s.samples += 1
-        s.force = _plus(s.force, rotate(s.attitude, force))
+        s.force = plus(s.force, rotate(s.attitude, force))
         if s.span >= PERIOD:
             self._fuse(still)
 
@@ -135,7 +74,7 @@ class Mekf(Attitude):
         s = self._state
         s.seen = field
         s.fields += 1
-        s.field = _plus(s.field, rotate(s.attitude, field))
+        s.field = plus(s.field, rotate(s.attitude, field))
         if s.field_age < 0.0 or s.field_wait > HOLE:  # the first one points there at once
             self._fuse(still=False)
 
@@ -148,13 +87,13 @@ class Mekf(Attitude):
         walk = p.bias_walk * p.bias_walk * s.span
         s.covariance = predicted(s.covariance, s.span, to_matrix(s.attitude), noise, walk)
         if s.samples > 0:
-            self._level(s.span, _share(s.force, s.samples))
+            self._level(s.span, share(s.force, s.samples))
         if still:
             self._learn_bias(s.span)
         if s.fields > 0:
-            self._point_north(_share(s.field, s.fields))
+            self._point_north(share(s.field, s.fields))
         s.span, s.samples, s.fields = 0.0, 0, 0
-        s.force = s.field = _ZERO
+        s.force = s.field = ZERO
 
     def _level(self, dt: float, force: Vector) -> None:
         """Correct the tilt by what the specific force (world axes) shows beside straight up."""
@@ -166,8 +105,8 @@ class Mekf(Attitude):
         push = max(p.push * p.push, s.push_variance)
         count = max(1.0, 2.0 * p.push_time / dt) if dt > 0.0 else 1e9
         variance = (p.accel_noise * p.accel_noise + push * count) / (GRAVITY * GRAVITY)
-        self._correct(((0, 1.0),), y / GRAVITY, variance)
-        self._correct(((1, 1.0),), -x / GRAVITY, variance)
+        correct(s, ((0, 1.0),), y / GRAVITY, variance)
+        correct(s, ((1, 1.0),), -x / GRAVITY, variance)
 
     def _learn_bias(self, dt: float) -> None:
         """At rest the gyro shows its bias: one independent look per REST_MEAN_TIME."""
@@ -179,7 +118,7 @@ class Mekf(Attitude):
         for axis in range(3):
             if more > 0.0:
                 s.covariance = widened(s.covariance, 3 + axis, more)
-            self._correct(((3 + axis, 1.0),), s.mean_rate[axis] - s.bias[axis], variance)
+            correct(s, ((3 + axis, 1.0),), s.mean_rate[axis] - s.bias[axis], variance)
 
     def _point_north(self, field: Vector) -> None:
         """Correct the heading by the compass, as far as its field (world axes) can be believed."""
@@ -206,17 +145,7 @@ class Mekf(Attitude):
             s.covariance = widened(s.covariance, 2, doubt)
         count = max(1.0, 2.0 * p.compass_time / dt) if dt > 0.0 else 1e9
         variance = p.compass_noise * p.compass_noise + p.compass_wander * p.compass_wander * count
-        self._correct(((1, steep), (2, 1.0)), yaw, variance / max(s.weight, 1e-12), held=(0, 1))
-
-    def _correct(
-        self, row: Row, residual: float, variance: float, held: tuple[int, ...] = ()
-    ) -> None:
-        """Move attitude and bias by one scalar measurement."""
-        s = self._state
-        s.covariance, (a, b, c, d, e, f) = corrected(s.covariance, row, variance, held)
-        turn = from_rotation_vector((a * residual, b * residual, c * residual))
-        s.attitude = normalized(multiply(turn, s.attitude))
-        s.bias = _plus(s.bias, (d * residual, e * residual, f * residual))
+        correct(s, ((1, steep), (2, 1.0)), yaw, variance / max(s.weight, 1e-12), held=(0, 1))
 
     @property
     def covariance(self) -> Covariance:
@@ -247,11 +176,3 @@ class Mekf(Attitude):
     def disturbed(self) -> bool:
         """True while strength or dip of the field are those of another place, or of a magnet."""
         return disturbed(self._state)
-
-
-def _plus(a: Vector, b: Vector) -> Vector:
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
-
-
-def _share(v: Vector, n: int) -> Vector:
-    return (v[0] / n, v[1] / n, v[2] / n)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from lodeline.attitude.base import GRAVITY
-from lodeline.attitude.mekf import Mekf, MekfParams
+from lodeline.attitude.error_state import MekfParams
+from lodeline.attitude.mekf import Mekf
 from lodeline.attitude.score import attitude_error
 from lodeline.rotation import (
     Quaternion,
