@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -12,8 +13,9 @@ from lodeline.bench.link import Bench, Row
 from lodeline.bench.machines import missing
 from lodeline.bench.pair import Pair
 
-# A known fault, see docs/two-hosts.md: after a cut the hubs' link may come back and carry nothing.
-pytestmark = pytest.mark.xfail(reason="a link may stay dead after a cut", strict=False)
+RATE = 200.0  # Hz, of the samples listened to
+BACK_S = 4.0  # what TCP's own tries may take; mostly it is less than 1 s
+STALE_S = 0.25
 
 
 @pytest.fixture(scope="module")
@@ -30,56 +32,87 @@ def bench() -> Iterator[Bench]:
 
 
 def robot_did_not_notice(row: Row, seconds: float) -> None:
-    """No sample lost, no hole as long as the fault, no older samples: this machine is shared."""
+    """No sample lost, no hole, no older samples. On a busy machine the source itself leaves out
+    some, so what came is compared with what was sent: by numbers, or by the robot's own listener.
+    """
     assert row.during.lost == 0
-    assert row.during.received > 0.5 * 200.0 * seconds
-    assert row.during.silence < 0.4 * seconds
+    assert row.during.received > 0.5 * RATE * seconds
+    assert row.during.silence < 1.0
     assert row.during.p99 < row.before.p99 + 0.1
 
 
-def test_after_a_cut_fresh_samples_come_and_no_old_ones(bench: Bench) -> None:
+def link_carries(bench: Bench, begin: float) -> None:
+    """All samples came since an instant [s, monotonic]: a link that is there may yet be deaf."""
+    end = time.monotonic()
+    heard, sent = bench.laptop.between(begin, end), bench.robot.between(begin, end)
+    assert heard.received > 0.9 * sent.received > 0
+    assert heard.silence < sent.silence + 0.5
+    assert heard.lost == 0
+
+
+def test_after_a_cut_fresh_samples_come_for_good_and_no_old_ones(bench: Bench) -> None:
     row = bench.cable("cut", 4.0, Fault(cut=True))
     robot_did_not_notice(row, 4.0)
-    assert row.back is not None and row.back < 6.0
-    assert row.laptop.lost > 600  # the cut itself, by their numbers
-    assert row.laptop.oldest < 1.0
+    assert row.back is not None and row.back <= BACK_S
+    assert row.laptop.lost > 0.9 * row.during.received  # the cut itself, by their numbers
+    assert row.laptop.oldest < STALE_S
     assert row.zombies == 0
+    begin = time.monotonic()
+    time.sleep(3.0)  # a deaf link carried samples for a second before it went silent
+    link_carries(bench, begin)
     assert "LINK_LOST robot" in bench.pair.laptop.log()
     assert "LINK_LOST laptop" in bench.pair.robot.log()
 
 
-def test_five_percent_loss_and_jitter_cost_age_and_not_samples(bench: Bench) -> None:
-    row = bench.cable("5 % loss", 3.0, Fault(delay=0.020, jitter=0.015, loss=0.05))
+@pytest.mark.parametrize(
+    ("fault", "share", "hole"),
+    [
+        (Fault(delay=0.002, loss=0.05), 0.9, 0.5),
+        # Frames that overtake each other look like more loss: then some samples find no room.
+        (Fault(delay=0.020, jitter=0.015, loss=0.05), 0.5, 1.0),
+    ],
+    ids=["loss", "loss and jitter"],
+)
+def test_five_percent_loss_costs_age_and_few_samples(
+    bench: Bench, fault: Fault, share: float, hole: float
+) -> None:
+    row = bench.cable("5 % loss", 3.0, fault)
     robot_did_not_notice(row, 3.0)
-    assert row.laptop.received > 0.5 * 600
-    assert row.laptop.p99 < 1.0
+    assert row.laptop.received > share * (row.laptop.received + row.laptop.lost)
+    assert row.laptop.silence < row.during.silence + hole
+    assert row.laptop.p99 <= hole
 
 
 def test_a_slow_link_drops_samples_and_keeps_young_ones(bench: Bench) -> None:
     row = bench.cable("256 kbit/s", 4.0, Fault(rate=256e3))
     robot_did_not_notice(row, 4.0)
     assert row.laptop.lost > 100
-    assert row.laptop.p99 < 1.0
+    assert row.laptop.silence < row.during.silence + 0.5
+    assert row.laptop.p99 <= 0.5
 
 
 def test_a_stopped_laptop_stops_nothing_on_the_robot(bench: Bench) -> None:
     row = bench.stopped(5.0)
     robot_did_not_notice(row, 5.0)
-    assert row.back is not None and row.back < 6.0
+    assert row.back is not None and row.back <= BACK_S
+    assert row.laptop.oldest < STALE_S
     assert row.zombies == 0
+    link_carries(bench, time.monotonic() - 1.0)
 
 
 def test_a_slow_reader_has_young_samples_and_its_neighbour_all(bench: Bench) -> None:
+    begin = time.monotonic()
     slow, fast = bench.slow_reader(3.0)
-    assert 20 <= slow.received <= 60
-    assert slow.p99 < 0.3
-    assert fast.received > 0.9 * 600
+    link_carries(bench, begin)
+    assert 20 <= slow.received <= 20.0 * (time.monotonic() - begin) + 1.0
+    assert slow.p99 < fast.p99 + 0.1  # two of its periods
     assert fast.lost == 0
 
 
 def test_a_laptop_that_died_unseen_is_given_up_and_let_in_again(bench: Bench) -> None:
     row = bench.half_open(4.0)
     robot_did_not_notice(row, 4.0)
-    assert row.back is not None
+    assert row.back is not None and row.back <= BACK_S  # with its start
     assert row.zombies == 0
+    link_carries(bench, time.monotonic() - 1.0)
     assert bench.pair.robot.log().count("LINK_LOST laptop") >= 2
