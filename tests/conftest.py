@@ -23,13 +23,12 @@ LIVE = (
 """Folders whose tests start pipelines, and have deadlines."""
 
 
+@pytest.hookimpl(tryfirst=True)  # before `-m` chooses
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """With several workers, one takes what is live, test by test, and the other all else."""
-    live = [item for item in items if item.path.relative_to(TESTS.parent).parts[1] in LIVE]
-    for item in live:
-        item.add_marker(pytest.mark.xdist_group("live"))
-    chosen = set(live)
-    items.sort(key=lambda item: item not in chosen)
+    """Mark what must have the machine for itself."""
+    for item in items:
+        if item.path.relative_to(TESTS.parent).parts[1] in LIVE:
+            item.add_marker("live")
 
 
 @pytest.fixture
