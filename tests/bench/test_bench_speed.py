@@ -27,7 +27,9 @@ def test_latency_of_all_layouts_and_baselines(capsys: pytest.CaptureFixture[str]
     for cost in costs.values():
         assert 0.0 < cost["p50"] <= cost["p99"] <= cost["p999"] < 1e6
         assert cost["samples"] > 25
-        assert cost["cpu"] > 0.0 < cost["rss"] < cost["pss"]
+        assert cost["cpu"] > 0.0
+        # of one process; of all, less what they share with others of this machine
+        assert min(cost["rss"], cost["pss"]) > 5e6
     assert costs["raw"]["processes"] == 7
     assert costs["together"]["processes"] == 4  # supervisor, guard, the chain, the subscriber
     assert costs["calls"]["calls"] < costs["calls"]["p50"]
