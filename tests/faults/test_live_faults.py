@@ -131,8 +131,7 @@ def test_who_beats_but_sends_nothing_is_started_again_where_the_file_says_so(rig
     silent = next(line for line in rig.up.log if "NO_DATA faulty/sulky: nothing for" in line)
     ended = next(line for line in rig.up.log if "NODE_EXIT sulky" in line)
     assert 3.0 < clock(ended) - clock(silent) < 7.0
-    restarted = rig.up.ps()["sulky"]["restarts"]
-    assert restarted == 1
+    assert eventually(lambda: rig.up.ps()["sulky"]["restarts"] == 1)
     assert eventually(lambda: rig.status("sulky").rates["faulty/sulky"] > 50.0)
 
 
