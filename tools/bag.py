@@ -15,15 +15,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lodeline.recording import RecordingError
+from lodeline.recording import RecordingError, texts
 from lodeline.terminal.numbers import positive, seconds
 from lodeline.watch import NothingThereError
 
 if TYPE_CHECKING:  # MCAP is loaded by the verbs that need it
     from lodeline.recording.record import Recorder
-    from lodeline_msgs import Message
-
-    Imported = tuple[list[tuple[str, Message]], str]
+    from lodeline.recording.texts import Imported
 
 
 def main(argv: list[str]) -> int:
@@ -69,20 +67,7 @@ def parser() -> argparse.ArgumentParser:
         action="store_true",
         help="csv: show columns, first rows and a map to begin with; with --map, what it makes",
     )
-    verb.add_argument(
-        "--course",
-        action="store_true",
-        help="magnet-lab: as the course takes it: rows at rest dropped, 5 Hz, 45 counts a turn",
-    )
-    verb.add_argument(
-        "--cumulative", action="store_true", help="lecture-wheels: counts since the start"
-    )
-    verb.add_argument(
-        "--gravity-sign",
-        type=int,
-        choices=[1, -1],
-        help="lecture-imu: sign of z at rest (default: as the first rows have it)",
-    )
+    texts.add_options(verb)
     _output(verb, "FILE.mcap, here")
     verb.set_defaults(verb=_import)
 
@@ -121,20 +106,17 @@ def _output(verb: argparse.ArgumentParser, default: str = "") -> None:
 
 
 def _import(args: argparse.Namespace) -> int:
-    from lodeline.recording.write import RecordingWriter, whole_file
+    from lodeline.recording.write import whole_file
 
     if args.format == "csv" and (args.preview or args.map is None):
         return _preview(args)
-    samples, source = FORMATS[args.format](args)
+    imported = FORMATS[args.format](args.file, args)
+    samples = imported[0]
     if not samples:
         raise RecordingError(f"{args.file}: no row makes a sample (look with --preview)")
     output = args.output or Path(f"{args.file.name.partition('.')[0]}.mcap")
-    metadata = {"clock": "recording", "source": source}
     with whole_file(output, replace=args.force) as stream:
-        writer = RecordingWriter(stream, metadata)
-        for key, message in samples:
-            writer.write(key, message)
-        writer.close()
+        texts.write(imported, stream)
     seconds = (samples[-1][1].stamp - samples[0][1].stamp) * 1e-9
     rows = sum(key == samples[0][0] for key, _ in samples)
     keys = " and ".join(dict.fromkeys(key for key, _ in reversed(samples)))
@@ -162,50 +144,16 @@ def _preview(args: argparse.Namespace) -> int:
     )
 
 
-def _csv(args: argparse.Namespace) -> Imported:
+def _csv(file: Path, args: argparse.Namespace) -> Imported:
     from lodeline.recording.csv_map import read_map, samples
     from lodeline.recording.imu_csv import CsvTable
 
-    with CsvTable(args.file) as table:
+    with CsvTable(file) as table:
         mapping = read_map(args.map, table.columns)
-        return list(samples(table, mapping)), f"{args.file.name} by {args.map.name}"
+        return list(samples(table, mapping)), f"{file.name} by {args.map.name}"
 
 
-def _magnet_lab(args: argparse.Namespace) -> Imported:
-    from lodeline.recording import magnet_lab
-
-    rows = magnet_lab.read_rows(args.file)
-    if args.course:
-        try:
-            rows = magnet_lab.course_setting(rows)
-        except ValueError as error:
-            raise RecordingError(f"{args.file}: {error}") from None
-    setting = "course setting" if args.course else "all rows"
-    return list(magnet_lab.messages(rows)), f"magnet-lab text {args.file.name}, {setting}"
-
-
-def _lecture_wheels(args: argparse.Namespace) -> Imported:
-    from lodeline.recording import lecture
-
-    samples = lecture.wheels(args.file, cumulative=args.cumulative)
-    counts = "cumulative" if args.cumulative else "incremental"
-    return [("wheels", each) for each in samples], f"lecture text {args.file.name}, {counts}"
-
-
-def _lecture_imu(args: argparse.Namespace) -> Imported:
-    from lodeline.recording import lecture
-
-    samples, sign = lecture.imu(args.file, args.gravity_sign)
-    source = f"lecture text {args.file.name}, gravity sign {sign:+d}"
-    return [("imu/data", each) for each in samples], source
-
-
-FORMATS: dict[str, Callable[[argparse.Namespace], Imported]] = {
-    "csv": _csv,
-    "magnet-lab": _magnet_lab,
-    "lecture-wheels": _lecture_wheels,
-    "lecture-imu": _lecture_imu,
-}
+FORMATS: dict[str, Callable[[Path, argparse.Namespace], Imported]] = {"csv": _csv, **texts.FORMATS}
 
 
 def _info(args: argparse.Namespace) -> int:

@@ -18,7 +18,6 @@ from lodeline.recording import RecordingError
 
 if TYPE_CHECKING:  # what draws is loaded when there is something to draw
     from lodeline.ekf import LocalizerParams
-    from lodeline.plotting.run import Run
 
 EXIT_FAILED, EXIT_NOTHING = 1, 4
 
@@ -56,34 +55,19 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _plot(args: argparse.Namespace) -> int:
-    from lodeline.plotting import page, png
-    from lodeline.plotting.kinds import figures
+    from lodeline.plotting.draw import draw, say
     from lodeline.plotting.run import Run
 
     run = Run(args.recording, _params(args.pipeline))
-    made, left_out = figures(run)
-    files: dict[str, list[str]] = {each.kind: [] for each in made}
-    if args.png is not None:
-        for figure, file in zip(made, png.write(made, args.png, run.path.name), strict=True):
-            files[figure.kind].append(str(file))
-    if args.html is not None:
-        page.write(made, args.html, run.path.name, _facts(run), left_out)
-        for each in files.values():
-            each.append(str(args.html))
+    drawn = draw(run, args.png, args.html)
     if args.json:
-        print(json.dumps({"plots": files, "left_out": left_out}, indent=1))
+        print(json.dumps({"plots": drawn.files, "left_out": drawn.left_out}, indent=1))
         return 0
-    for figure in made:
+    for figure in drawn.figures:
         print(f"{figure.kind:12} {figure.title}: {figure.note}")
-    for kind, why in left_out.items():
-        print(f"left out {kind}: {why}", file=sys.stderr)
-    if not run.known and "mahalanobis" in files:
+    if not run.known and "mahalanobis" in drawn.files:
         print("gate, magnets and bar as by default: --pipeline FILE knows better", file=sys.stderr)
-    written = [str(args.html)] if args.html is not None else []
-    if args.png is not None:
-        written.insert(0, f"{len(made)} files in {args.png}")
-    if written:
-        print(f"written: {', '.join(written)}", file=sys.stderr)
+    say(drawn, args.png, args.html)
     return 0
 
 
@@ -94,10 +78,6 @@ def _params(pipeline: str | None) -> LocalizerParams | None:
     from lodeline.recording.localizer import params_of
 
     return params_of(load(find(pipeline)))
-
-
-def _facts(run: Run) -> str:
-    return f"{(run.end - run.start) * 1e-9:.1f} s, {run.source}".rstrip(", ")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """Run a recording through a pipeline, offline: same recording, same bytes out.
 
-The pipeline's drivers stay out; every key that its other nodes send is computed anew.
+The pipeline's drivers stay out; every key that its other nodes send is computed anew. A robot's
+text file (--format) is imported on the way, and --png or --html draw the plots: one command from
+the file to what is handed in.
 """
 
 from __future__ import annotations
@@ -13,6 +15,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lodeline.plotting import NothingToPlotError
+from lodeline.recording import RecordingError, texts
+
 if TYPE_CHECKING:  # MCAP and YAML are loaded when the arguments are known to be good
     from lodeline.pipeline.model import Pipeline
     from lodeline.recording.offline import Outcome
@@ -20,18 +25,21 @@ if TYPE_CHECKING:  # MCAP and YAML are loaded when the arguments are known to be
 
 def main(argv: list[str]) -> int:
     """Exit 0 fine, 1 the recording cannot be used or a node failed, 3 invalid pipeline."""
-    args = parser().parse_args(argv)
+    made = parser()
+    args = made.parse_args(argv)
+    if not (args.pipeline or args.format):
+        made.error("--pipeline is needed: which nodes shall take the recording?")
     from lodeline.pipeline.load import PipelineError, find, load
-    from lodeline.recording import RecordingError
+    from lodeline.plotting.png import NoMatplotlibError
 
     try:
-        pipeline = load(find(args.pipeline), args.set)
+        pipeline = load(find(args.pipeline or args.format), args.set)
     except PipelineError as error:
         print(error, file=sys.stderr)
         return 3
     try:
         outcome = _replay(pipeline, args)
-    except (RecordingError, OSError) as error:
+    except (RecordingError, NothingToPlotError, NoMatplotlibError, OSError) as error:
         print(error, file=sys.stderr)
         return 1
     print(json.dumps(_as_json(outcome), indent=1) if args.json else _as_text(outcome))
@@ -47,10 +55,16 @@ def main(argv: list[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """What `lodeline replay` takes."""
     parser = argparse.ArgumentParser("lodeline replay", description=__doc__)
-    parser.add_argument("recording", type=Path, help="MCAP file")
+    parser.add_argument("recording", type=Path, help="MCAP file, or a text file of --format")
     parser.add_argument(
-        "--pipeline", required=True, metavar="FILE", help="pipeline file, or a profile's name"
+        "--pipeline",
+        metavar="FILE",
+        help="pipeline file, or a profile's name (default: the profile of --format)",
     )
+    parser.add_argument(
+        "--format", choices=list(texts.FORMATS), help="import this kind of text file on the way"
+    )
+    texts.add_options(parser)
     parser.add_argument(
         "--set",
         action="append",
@@ -60,12 +74,41 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--csv", type=Path, metavar="DIR", help="one table for each key")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="recording of it all")
+    parser.add_argument("--png", type=Path, metavar="DIR", help="plots of it, one file each")
+    parser.add_argument("--html", type=Path, metavar="FILE", help="one page with all plots of it")
     parser.add_argument("--force", action="store_true", help="replace the output if it exists")
     parser.add_argument("--json", action="store_true", help="print JSON")
     return parser
 
 
 def _replay(pipeline: Pipeline, args: argparse.Namespace) -> Outcome:
+    """Import, replay and plots, as far as they are asked for."""
+    from lodeline.recording.write import whole_file
+
+    plotted = args.png is not None or args.html is not None
+    with tempfile.TemporaryDirectory() as scratch:
+        source, output = args.recording, args.output
+        if args.format is not None:
+            imported = texts.FORMATS[args.format](source, args)
+            source = Path(scratch) / f"{source.stem}.mcap"
+            with whole_file(source) as stream:
+                texts.write(imported, stream)
+        if output is None and plotted:  # under its own name, for the titles
+            folder = Path(scratch) / "replayed"
+            folder.mkdir()
+            output = folder / f"{source.stem}.mcap"
+        outcome = _run(pipeline, source, output, args)
+        if plotted:
+            from lodeline.plotting.draw import draw, say
+            from lodeline.plotting.run import Run
+
+            say(draw(Run(output), args.png, args.html), args.png, args.html)
+    return outcome
+
+
+def _run(
+    pipeline: Pipeline, source: Path, output: Path | None, args: argparse.Namespace
+) -> Outcome:
     from lodeline.recording.localizer import noted
     from lodeline.recording.offline import Listener, Replay
     from lodeline.recording.read import Recording
@@ -75,12 +118,12 @@ def _replay(pipeline: Pipeline, args: argparse.Namespace) -> Outcome:
     replay = Replay(pipeline)
     listeners: list[Listener] = []
     with ExitStack() as stack:
-        recording = stack.enter_context(Recording(args.recording))
+        recording = stack.enter_context(Recording(source))
         replay.check(recording)
         scratch = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         writer = None
-        if args.output is not None:
-            stream = stack.enter_context(whole_file(args.output, replace=args.force))
+        if output is not None:
+            stream = stack.enter_context(whole_file(output, replace=args.force))
             writer = RecordingWriter(
                 stream,
                 {

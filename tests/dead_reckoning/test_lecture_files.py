@@ -15,6 +15,7 @@ from tests.dead_reckoning.test_dead_reckoning import legs, readings
 
 METRES_PER_COUNT = 2.0 * pi * 0.14457758 / (150 * 400)
 TRACK = 0.3045
+LECTURE = {"path", "yaw", "speed"}  # plots that are asked for
 
 
 def motor_file(file: Path, *, cumulative: bool, separator: str = " ") -> Path:
@@ -35,26 +36,28 @@ def motor_file(file: Path, *, cumulative: bool, separator: str = " ") -> Path:
     return file
 
 
-def replayed(bag: Path, profile: str, key: str) -> list[dict[str, float]]:
-    out = bag.with_suffix("")
-    assert main(["replay", str(bag), "--pipeline", profile, "--csv", str(out)]) == 0
-    with (out / f"{key}.csv").open() as table:
-        return [
-            {name: float(cell) for name, cell in row.items() if name in ("x", "y", "yaw", "v")}
-            for row in csv.DictReader(table)
-        ]
+def one_command(text: Path, form: str, *more: str) -> dict[str, list[dict[str, float]]]:
+    """From the text file to tables and plots; the tables of poses by their keys."""
+    out, plots = text.with_suffix(""), text.parent / "plots"
+    assert main(["replay", str(text), "--format", form, "--csv", str(out), *more]) == 0
+    assert "--png" not in more or {f.stem for f in plots.glob("*.png")} >= LECTURE
+    tables = {}
+    for file in out.glob("*.csv"):
+        with file.open() as table:
+            tables[file.stem] = [
+                {name: float(cell) for name, cell in row.items() if name in ("x", "y", "yaw", "v")}
+                for row in csv.DictReader(table)
+            ]
+    return tables
 
 
 @pytest.mark.parametrize(("cumulative", "separator"), [(False, " "), (True, ","), (False, ", ")])
-def test_motor_file_gives_the_path_with_the_parameters_of_the_course(
+def test_one_command_makes_the_path_and_its_plots_with_the_parameters_of_the_course(
     tmp_path: Path, cumulative: bool, separator: str
 ) -> None:
     text = motor_file(tmp_path / "motor.txt", cumulative=cumulative, separator=separator)
-    bag = tmp_path / "motor.mcap"
-    more = ["--cumulative"] if cumulative else []
-    code = main(["bag", "import", str(text), "--format", "lecture-wheels", "-o", str(bag), *more])
-    assert code == 0
-    poses = replayed(bag, "lecture-wheels", "odom")
+    more = ["--cumulative"] if cumulative else ["--png", str(tmp_path / "plots")]
+    poses = one_command(text, "lecture-wheels", *more)["odom"]
     middle, end = poses[250], poses[-1]
     assert (middle["x"], middle["y"], middle["yaw"]) == pytest.approx((3.0, 0.0, 0.0), abs=1e-3)
     assert middle["v"] == pytest.approx(0.6, abs=0.01)
@@ -75,18 +78,22 @@ def imu_file(file: Path, sign: int) -> Path:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_imu_file_gives_attitude_and_way_whichever_sign_gravity_has(
+def test_one_command_makes_attitude_and_way_whichever_sign_gravity_has(
     tmp_path: Path, sign: int
 ) -> None:
-    text, bag = imu_file(tmp_path / "imu.txt", sign), tmp_path / "imu.mcap"
-    assert main(["bag", "import", str(text), "--format", "lecture-imu", "-o", str(bag)]) == 0
-    with Recording(bag) as recording:
-        first = next(iter(recording.samples())).message
-        assert recording.metadata["source"].endswith(f"gravity sign {sign:+d}")
+    text, kept = imu_file(tmp_path / "imu.txt", sign), tmp_path / "kept.mcap"
+    more = ["-o", str(kept), "--png", str(tmp_path / "plots")]
+    tables = one_command(text, "lecture-imu", *more)
+    assert (tmp_path / "plots" / "attitude.png").exists()
+    with Recording(kept) as recording:
+        first = next(each for each in recording.samples() if isinstance(each.message, Imu)).message
     assert isinstance(first, Imu)
     assert first.linear_acceleration[2] == pytest.approx(9.807, abs=0.05)
-    plain = replayed(bag, "lecture-imu", "dead_reckoning")[-1]
-    stops = replayed(bag, "lecture-imu", "dead_reckoning_with_stops")[-1]
+    bag = tmp_path / "imu.mcap"
+    assert main(["bag", "import", str(text), "--format", "lecture-imu", "-o", str(bag)]) == 0
+    with Recording(bag) as recording:
+        assert recording.metadata["source"].endswith(f"gravity sign {sign:+d}")
+    plain, stops = (tables[f"dead_reckoning{name}"][-1] for name in ("", "_with_stops"))
     off = {
         name: hypot(end["x"] - 0.5, end["y"] - 0.5)
         for name, end in (("plain", plain), ("stops", stops))
