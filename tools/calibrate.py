@@ -56,6 +56,8 @@ def main(argv: list[str]) -> int:
     args = parser().parse_args(argv)
     if args.kind == "wheels" and (args.distance is None) == (args.turns is None):
         parser().error("wheels: either --distance or --turns")
+    if args.kind == "wheels" and args.source and args.ticks_per_turn is None:
+        parser().error("wheels from a file: how many counts a turn? --ticks-per-turn")
     from lodeline.watch import NothingThereError
 
     try:
@@ -102,6 +104,7 @@ def _live(args: argparse.Namespace) -> None:
     with Watch(choose(args.name)) as watch:
         fit = partial(fit_compass, args.method)
         wizard = Wizard(watch, args.kind, args.seconds, args.ticks_per_turn, fit)
+        args.ticks_per_turn = wizard.ticks
         before = wizard.in_use()
         try:
             readings = wizard.gather()
@@ -174,9 +177,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--ticks-per-turn",
         type=positive,
-        default=360.0,
         metavar="N",
-        help="wheels: counts while a wheel turns once, gear and all (default: 360)",
+        help="wheels: counts while a wheel turns once, gear and all"
+        " (live: what the running odometry goes by)",
     )
     parser.add_argument(
         "--wheel-radius",

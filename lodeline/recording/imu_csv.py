@@ -1,8 +1,9 @@
 """Tables of sensor readings: CSV files, plain or gzipped, whose columns are found by name.
 
 `t_s` [s], `gx gy gz` [rad/s], `ax ay az` [m/s^2, specific force], `mx my mz` [uT]; the order is
-free, other columns are left alone, `#` begins a line of comment, and `;` or a tab may stand for the
-comma. What is wrong is told with file and line. Microtesla become tesla here and nowhere else.
+free, other columns are left alone, `#` begins a line of comment. `;` or a tab may stand for the
+comma, and a comma then for the decimal point. What is wrong is told with file and line. Microtesla
+become tesla here and nowhere else.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import re
 import zlib
 from collections.abc import Iterator, Sequence
 from math import isfinite
@@ -25,6 +27,7 @@ GYRO, ACCEL, MAG = ("gx", "gy", "gz"), ("ax", "ay", "az"), ("mx", "my", "mz")
 MICROTESLA = 1e-6
 GZIP_MAGIC = b"\x1f\x8b"
 HEADER_BYTES = 4096  # among which the names of the columns are looked for
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?", re.ASCII)
 Cells = tuple[float | None, ...]
 
 
@@ -48,11 +51,12 @@ class CsvTable:
     def __init__(self, file: Path) -> None:
         self.file = file
         try:
-            self._stream, delimiter = _open(file)
+            self._stream, self._delimiter = _open(file)
         except OSError as error:
             raise RecordingError(f"{file}: {error.strerror or error}") from None
         try:
-            self._lines = self._read(delimiter)
+            self._lines = self._read(self._delimiter)
+            self._point = ""  # what the numbers have, as soon as one has it: `.` or `,`
             _, header = next(self._lines, (0, None))
             if header is None:
                 raise RecordingError(f"{file}: is empty, expected a header with {TIME}, gx, ...")
@@ -78,7 +82,10 @@ class CsvTable:
         names = [*needed, *wanted]
         for line, cells in self._lines:
             if len(cells) != len(self.columns):
-                self.fail(line, f"{len(cells)} columns, the header has {len(self.columns)}")
+                text = f"{len(cells)} columns, the header has {len(self.columns)}"
+                if self._delimiter == "," and len(cells) > len(self.columns):
+                    text += "; if these are decimal commas, write points, or `;` between columns"
+                self.fail(line, text)
             numbers = tuple(
                 None if place < 0 else self._number(line, name, cells[place])
                 for name, place in zip(names, places, strict=True)
@@ -105,13 +112,26 @@ class CsvTable:
     def _number(self, line: int, name: str, cell: str) -> float | None:
         if not (text := cell.strip()) or text.lower() == "nan":
             return None
+        if self._delimiter != ",":
+            text = self._pointed(line, name, text)
         try:
             number = float(text)
         except ValueError:
             number = float("inf")
         if not isfinite(number):
-            self.fail(line, f"{name} is {text[:40]!r}, expected a number")
+            with_point = " with a decimal point" if DECIMAL_COMMA.fullmatch(text) else ""
+            self.fail(line, f"{name} is {text[:40]!r}, expected a number{with_point}")
         return number
+
+    def _pointed(self, line: int, name: str, text: str) -> str:
+        """A number with its decimal comma as a point; a table has one or the other."""
+        point = "," if DECIMAL_COMMA.fullmatch(text) else "." if "." in text else ""
+        if point and self._point not in ("", point):
+            self.fail(
+                line, f"{name} is {text[:40]!r}, but rows before have a decimal {self._point!r}"
+            )
+        self._point = point or self._point
+        return text.replace(",", ".") if point == "," else text
 
     def _read(self, delimiter: str) -> Iterator[tuple[int, list[str]]]:
         """Lines that hold something, as cells; whatever the file cannot be read for is told."""

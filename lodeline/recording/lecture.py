@@ -13,16 +13,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from decimal import Decimal
-from math import isfinite
+from math import hypot, isfinite
 from pathlib import Path
 
 from lodeline.recording import RecordingError
+from lodeline.recording.rows import rows
 from lodeline_msgs import Imu, WheelTicks
 
 G = 9.80665
 LARGEST_COUNT = 1 << 53
 LATEST = 9e9  # s
 LEAN_ROWS = 100  # of the beginning, by which the sign of gravity is told
+GRAVITY = (0.3, 3.0)  # g, what they read on the mean if the columns are what they should be
 
 
 def wheels(file: Path, *, cumulative: bool = False) -> list[WheelTicks]:
@@ -41,36 +43,35 @@ def wheels(file: Path, *, cumulative: bool = False) -> list[WheelTicks]:
 
 def imu(file: Path, gravity_sign: int | None = None) -> tuple[list[Imu], int]:
     """Samples of the IMU file, and the sign taken: the one given, else that which makes the mean
-    of the first rows point up. RecordingError with `file:line:` for a malformed row.
+    of the first rows point up. RecordingError with `file:line:` for a malformed row, and where
+    the first rows hold nothing like gravity.
     """
-    rows = [
+    readings = [
         (stamp, [_number(file, line, cell) for cell in cells[1:7]])
         for line, stamp, cells in _rows(file, 7, "time, 3 angular velocities, 3 accelerations")
     ]
+    beginning = [numbers[3:] for _, numbers in readings[:LEAN_ROWS]]
+    force = sum(hypot(*each) for each in beginning) / len(beginning)
+    if not GRAVITY[0] < force < GRAVITY[1]:
+        raise RecordingError(
+            f"{file}: columns 5 to 7 read {force:.3g} at the beginning, expected about 1 g"
+            " (a file in m/s^2 comes in by --format csv and a map)"
+        )
     sign = gravity_sign
     if sign is None:
-        sign = 1 if sum(numbers[5] for _, numbers in rows[:LEAN_ROWS]) >= 0.0 else -1
+        sign = 1 if sum(az for _, _, az in beginning) >= 0.0 else -1
     k = sign * G
     samples = [
         Imu(stamp, (wx, wy, wz), (k * ax, k * ay, k * az), seq=seq)
-        for seq, (stamp, (wx, wy, wz, ax, ay, az)) in enumerate(rows)
+        for seq, (stamp, (wx, wy, wz, ax, ay, az)) in enumerate(readings)
     ]
     return samples, sign
 
 
 def _rows(file: Path, least: int, what: str) -> Iterator[tuple[int, int, list[str]]]:
     """(line, stamp [ns], cells) of each row; at least one."""
-    try:
-        text = file.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise RecordingError(f"{file}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise RecordingError(f"{file}: is no text, expected columns {what}") from None
     last = None
-    for line, row in enumerate(text.split("\n"), 1):
-        cells = row.partition("#")[0].replace(",", " ").split()
-        if not cells:
-            continue
+    for line, cells in rows(file, f"columns {what}"):
         if len(cells) < least:
             raise RecordingError(f"{file}:{line}: {len(cells)} columns, expected {what}")
         if not 0.0 <= _number(file, line, cells[0]) < LATEST:
@@ -81,8 +82,6 @@ def _rows(file: Path, least: int, what: str) -> Iterator[tuple[int, int, list[st
             raise RecordingError(f"{file}:{line}: time {cells[0]} goes back")
         last = stamp
         yield line, stamp, cells
-    if last is None:
-        raise RecordingError(f"{file}: no rows, expected columns {what}")
 
 
 def _number(file: Path, line: int, cell: str) -> float:

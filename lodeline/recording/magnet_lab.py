@@ -9,13 +9,17 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from decimal import Decimal
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
 from lodeline.recording import RecordingError
+from lodeline.recording.rows import rows
 from lodeline_msgs import Message, ReedBar, WheelTicks
 
 COLUMNS = 15
+EXPECTED = f"{COLUMNS} columns of numbers"
+TELLING_ROWS = 50  # of the beginning, by which the format is told
 COURSE_STEP = 4  # every fourth row: 5 Hz
 COURSE_COUNTS = 8  # 360 / 45 counts a turn
 LARGEST = 1 << 53
@@ -36,27 +40,26 @@ def read_rows(file: Path) -> list[Row]:
 
     Columns stand apart by blanks or commas; `#` begins a comment.
     """
-    try:
-        text = file.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise RecordingError(f"{file}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise RecordingError(f"{file}: is no text, expected {COLUMNS} columns of numbers") from None
-    rows: list[Row] = []
-    for number, line in enumerate(text.split("\n"), 1):
-        cells = line.partition("#")[0].replace(",", " ").split()
-        if not cells:
-            continue
+    found: list[Row] = []
+    for line, cells in rows(file, EXPECTED):
         try:
             row = _row(cells)
-            if rows and row.stamp < rows[-1].stamp:
+            if found and row.stamp < found[-1].stamp:
                 raise ValueError(f"time {cells[3]} goes back, expected a time after the row before")
         except ValueError as error:
-            raise RecordingError(f"{file}:{number}: {error}") from None
-        rows.append(row)
-    if not rows:
-        raise RecordingError(f"{file}: no rows, expected {COLUMNS} columns of numbers")
-    return rows
+            raise RecordingError(f"{file}:{line}: {error}") from None
+        found.append(row)
+    return found
+
+
+def is_one(file: Path) -> bool:
+    """Whether a text begins as one."""
+    try:
+        for _, cells in islice(rows(file, EXPECTED), TELLING_ROWS):
+            _row(cells)
+    except (ValueError, RecordingError):
+        return False
+    return True
 
 
 def course_setting(rows: list[Row]) -> list[Row]:

@@ -61,6 +61,7 @@ def _magnet_lab(file: Path, args: argparse.Namespace) -> Imported:
 def _lecture_wheels(file: Path, args: argparse.Namespace) -> Imported:
     from lodeline.recording import lecture
 
+    _no_lab_file(file)
     samples = lecture.wheels(file, cumulative=args.cumulative)
     counts = "cumulative" if args.cumulative else "incremental"
     return [("wheels", each) for each in samples], f"lecture text {file.name}, {counts}"
@@ -69,9 +70,19 @@ def _lecture_wheels(file: Path, args: argparse.Namespace) -> Imported:
 def _lecture_imu(file: Path, args: argparse.Namespace) -> Imported:
     from lodeline.recording import lecture
 
+    _no_lab_file(file)
     samples, sign = lecture.imu(file, args.gravity_sign)
     source = f"lecture text {file.name}, gravity sign {sign:+d}"
     return [("imu/data", each) for each in samples], source
+
+
+def _no_lab_file(file: Path) -> None:
+    """The lecture's formats leave further columns alone, and would take the lab's for theirs."""
+    from lodeline.recording import magnet_lab
+
+    if magnet_lab.is_one(file):
+        columns = f"{magnet_lab.COLUMNS} columns of the magnet lab"
+        raise RecordingError(f"{file}: has the {columns}: --format magnet-lab")
 
 
 FORMATS: dict[str, Callable[[Path, argparse.Namespace], Imported]] = {

@@ -50,14 +50,16 @@ class Progress:
 
 
 class Wizard:
-    """Gathers readings of one kind from a running pipeline, and hands it what came of them."""
+    """Gathers readings of one kind from a running pipeline, and hands it what came of them.
+
+    `ticks` are counts while a wheel turns once; without, the running odometry is asked for them.
+    """
 
     def __init__(
-        self, watch: Watch, kind: str, seconds: float | None, ticks: float, fit: Fit
+        self, watch: Watch, kind: str, seconds: float | None, ticks: float | None, fit: Fit
     ) -> None:
         self.kind = kind
         self.seconds = seconds or SECONDS[kind]
-        self._ticks = ticks
         self._fit = fit
         self._watch = watch
         self._cls, ending = CLASSES[kind]
@@ -65,6 +67,7 @@ class Wizard:
         self._page = watch.publisher(f"{watch.manifest.name}/{CALIBRATING}", "application/json")
         self._block = Block()
         self._shown = -inf
+        self.ticks = (ticks or self._ticks_in_use()) if kind == "wheels" else 1.0
 
     def gather(self) -> Readings:
         """Readings until they suffice or time is up; CalibrationRefusedError if none came."""
@@ -110,10 +113,8 @@ class Wizard:
 
     def _wheels(self, readings: Readings) -> Progress:
         (left, right), (left_end, right_end) = readings.counts[0], readings.counts[-1]
-        turns = [abs(left_end - left) / self._ticks, abs(right_end - right) / self._ticks]
-        enough = min(turns) >= FEWEST_TURNS and stopped(
-            readings.times, readings.counts, self._ticks
-        )
+        turns = [abs(left_end - left) / self.ticks, abs(right_end - right) / self.ticks]
+        enough = min(turns) >= FEWEST_TURNS and stopped(readings.times, readings.counts, self.ticks)
         return Progress(
             tuple(min(1.0, turn / FEWEST_TURNS) for turn in turns),
             f"turns of the wheels: left {turns[0]:.1f}, right {turns[1]:.1f}",
@@ -150,6 +151,16 @@ class Wizard:
             if isinstance(answer, CalibrationInUse) and set(names) <= set(answer.values):
                 return ImuCalibration(**{name: answer.values[name] for name in names})
         return ImuCalibration()
+
+    def _ticks_in_use(self) -> float:
+        answers = self.hand_over(b"").values()
+        known = [each.values for each in answers if not isinstance(each, str)]
+        told = {values["ticks_per_turn"] for values in known if "ticks_per_turn" in values}
+        if len(told) != 1:
+            raise CalibrationRefusedError(
+                f"how many counts a turn? No one odometry reads {self._key}: --ticks-per-turn"
+            )
+        return float(told.pop())
 
     def hand_over(self, data: bytes) -> dict[str, CalibrationInUse | str]:
         """Have the nodes that read these readings go by a file that holds `data`.

@@ -168,12 +168,12 @@ def test_wheels_radius_by_a_line_then_track_by_turns(
     ahead = round(3.0 * metres)
     line = [WheelTicks(0, 50, -7), WheelTicks(10**9, 50 - ahead, -7 + ahead)]
     bag = recorded(tmp_path / "line.mcap", "wheels", line)
-    arguments = ["calibrate", "wheels", "--from", str(bag), "-o", str(out)]
-    assert main([*arguments, "--distance", "3"]) == 0
+    arguments = ["calibrate", "wheels", "-o", str(out), "--ticks-per-turn", "360"]
+    assert main([*arguments, "--from", str(bag), "--distance", "3"]) == 0
     assert "left_sign: -1, right_sign: 1" in capsys.readouterr().out
     around = round(5.0 * pi * 0.112 * metres)
     csv = table(tmp_path / "spin.csv", "t_s,left,right", [(0, 0, 0), (20, around, around)])
-    assert main(["calibrate", "wheels", "--from", str(csv), "-o", str(out), "--turns", "5"]) == 0
+    assert main([*arguments, "--from", str(csv), "--turns", "5"]) == 0
     section = load(out).sections["wheels"]
     assert section["wheel_radius"] == pytest.approx(0.0215, rel=1e-3)
     assert section["track"] == pytest.approx(0.112, rel=1e-3)
@@ -220,6 +220,7 @@ def test_what_would_mislead_is_refused_and_the_file_stays(
     csv = table(tmp_path / "in.csv", header, rows)
     out.write_text("gyro:\n  gyro_zero: [0, 0, 0]\n")
     before = out.read_bytes()
+    more = [*more, "--ticks-per-turn", "360"] if kind == "wheels" else more
     assert main(["calibrate", kind, "--from", str(csv), "-o", str(out), *more]) == 1
     error = capsys.readouterr().err
     assert error.startswith(f"REFUSED {kind}: ")

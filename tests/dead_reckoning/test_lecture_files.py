@@ -114,6 +114,11 @@ def test_one_command_makes_attitude_and_way_whichever_sign_gravity_has(
         ("lecture-wheels", "1e99 1 1\n", "in.txt:1: time 1e99, expected 0 s or more"),
         ("lecture-imu", "# t\n\n0 0 0 0 0 0 up\n", "in.txt:3: 'up', expected a number"),
         ("lecture-imu", "0 0 0 0 0 0\n", "in.txt:1: 6 columns"),
+        ("lecture-imu", "0 0 0 0 0 0 9.81\n", "read 9.81 at the beginning, expected about 1 g"),
+        ("lecture-imu", "0,01 0 0 0 0 0 1,0\n", "in.txt:1: decimal commas; write points"),
+        ("lecture-wheels", "0,5;3;4\n", "in.txt:1: decimal commas; write points"),
+        ("lecture-imu", "5 5 255 2023.9" + " 0" * 11, "--format magnet-lab"),
+        ("lecture-wheels", "0 0 255 2023.9" + " 0" * 11, "--format magnet-lab"),
     ],
 )
 def test_malformed_rows_are_told_with_file_and_line(

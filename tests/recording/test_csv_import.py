@@ -57,6 +57,20 @@ def read(table: Path, text: str = MAP) -> list[tuple[str, Message]]:
         return list(samples(opened, read_map(write_map(table.parent, text), opened.columns)))
 
 
+def test_a_decimal_comma_is_one_between_semicolons_and_named_between_commas(tmp_path: Path) -> None:
+    file, mapping = tmp_path / "run.csv", "time: t\nwheels: {type: WheelTicks, left: a, right: a}\n"
+    file.write_text("t;a\n0;1\n0,25;2,0\n")
+    assert read(file, mapping)[1][1] == WheelTicks(250_000_000, 2, 2, seq=1)
+    for text, said in (
+        ("t;a\n0,5;1\n0.75;2\n", r"csv:3: t is '0\.75', but rows before have a decimal ','"),
+        ("t,a\n0,25,2,0\n", r"csv:2: 4 columns.*decimal commas, write points, or `;`"),
+        ('t,a\n"0,25",2\n', r"csv:2: t is '0,25', expected a number with a decimal point"),
+    ):
+        file.write_text(text)
+        with pytest.raises(RecordingError, match=said):
+            read(file, mapping)
+
+
 def test_columns_become_fields_with_sign_unit_sum_and_constant(table: Path) -> None:
     g = 9.80665
     assert read(table) == [
