@@ -59,7 +59,8 @@ class Manifest:
     """What runs in a run folder. `started` [s] is UNIX time.
 
     `nodes` gives each node of the whole pipeline its process, `places` its host; only those on
-    `hosts` run here. `readers` are the nodes of all hosts that read a key, by key.
+    `hosts` run here. `readers` are the nodes of all hosts that read a key, by key; `withheld` the
+    orders (`restart`) that the link does not take from here to nodes of another host.
     """
 
     name: str
@@ -73,11 +74,22 @@ class Manifest:
     nodes: dict[str, str]
     readers: dict[str, tuple[Reader, ...]] = field(default_factory=dict)
     places: dict[str, str] = field(default_factory=dict)
+    withheld: tuple[str, ...] = ()
 
     @property
     def host(self) -> str:
         """The hosts whose nodes run here, as one word: `robot`, or `laptop+robot`."""
         return host_word(self.hosts)
+
+    def refusal(self, order: str, node: str) -> str | None:
+        """Why an order to a node would not reach it from here, and what mends that."""
+        place = self.places.get(node)
+        if place is None or place in self.hosts or order not in self.withheld:
+            return None
+        return (
+            f"{node} is on {place}, and tools on {self.host} may not {order} over tls: write "
+            f"`grant: [{order}]` for {self.host} in the pipeline file of both"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +217,7 @@ def _manifests(base: Path) -> Iterator[Running]:
             values = json.loads(file.read_text(encoding="utf-8"))
             values["keys"] = {key: Key(**known) for key, known in values["keys"].items()}
             values["hosts"] = tuple(values["hosts"])
+            values["withheld"] = tuple(values["withheld"])
             values["readers"] = {
                 key: tuple(Reader(**reader) for reader in readers)
                 for key, readers in values["readers"].items()

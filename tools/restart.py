@@ -30,9 +30,16 @@ def main(argv: list[str]) -> int:
         guess = nearest(arguments.node, manifest.nodes)
         print(f"no node {arguments.node!r} in {manifest.name}{guess}", file=sys.stderr)
         return EXIT_NOTHING
+    if why := manifest.refusal("restart", arguments.node):
+        print(why, file=sys.stderr)
+        return EXIT_FAILED
     key = f"{manifest.name}/@restart/*/{arguments.node}"
     answers = [data.decode() for _, data in query(target.folder, key, TIMEOUT_S)]
-    print(f"{arguments.node}: {', '.join(answers) or 'its supervisor does not answer'}")
+    said = ", ".join(answers) or "its supervisor does not answer"
+    place = manifest.places.get(arguments.node)
+    if not answers and place not in (None, *manifest.hosts):
+        said += f": is {place} linked (`lodeline doctor net`), and does the file there grant it?"
+    print(f"{arguments.node}: {said}")
     return 0 if "restarting" in answers else EXIT_FAILED
 
 

@@ -137,7 +137,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             if run.leftovers:
                 killed = _count(len(run.leftovers), "process", "es")
                 console.event(f"LEFTOVER {killed} of the last run killed")
-            manifest = _manifest(pipeline, hosts)
+            manifest = _manifest(pipeline, hosts, link.withheld)
             run.publish(manifest)
 
             def on_release() -> None:
@@ -212,7 +212,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             console.close()
 
 
-def _manifest(pipeline: Pipeline, hosts: Sequence[str]) -> Manifest:
+def _manifest(pipeline: Pipeline, hosts: Sequence[str], withheld: Sequence[str]) -> Manifest:
     from lodeline.run_folder import Key, Manifest, Reader
 
     senders = {key: spec for spec in pipeline.nodes for key in spec.outputs.values()}
@@ -236,6 +236,7 @@ def _manifest(pipeline: Pipeline, hosts: Sequence[str]) -> Manifest:
         nodes={spec.name: spec.process for spec in pipeline.nodes},
         places={spec.name: spec.host for spec in pipeline.nodes},
         readers=readers,
+        withheld=tuple(withheld),
     )
 
 

@@ -103,6 +103,8 @@ class Run:
 
     def restart(self, node: str) -> str:
         """Ask the node's supervisor to start it again; what came of it, in words. Waits."""
+        if why := self.manifest.refusal("restart", node):
+            return why
         answers = self._client.ask(f"{self.manifest.name}/@restart/*/{node}", ASK_S)
         if not answers:
             return f"no supervisor takes a restart of {node}"

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lodeline.hosts.permits import access_control
+from lodeline.hosts.permits import ORDERS, access_control, granted_orders
 
 if TYPE_CHECKING:  # every node imports the bus, and the bus this
     from lodeline.pipeline.model import Pipeline
@@ -26,12 +26,16 @@ class LinkError(RuntimeError):
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """What a gateway opens besides the hub's socket: zenoh endpoints, and settings for them."""
+    """What a gateway opens besides the hub's socket: zenoh endpoints, and settings for them.
+
+    `withheld` are the orders that it does not take from here to nodes of another host.
+    """
 
     listen: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
     scout: bool = False
     settings: dict[str, Any] = field(default_factory=dict)
+    withheld: tuple[str, ...] = ()
 
     @property
     def ends(self) -> bool:
@@ -56,9 +60,12 @@ def link_of(pipeline: Pipeline, host: str) -> Link:
     settings: dict[str, Any] = {}
     if pipeline.link_rate:
         settings["downsampling"] = [_down_sampling(pipeline.link_rate)]
+    withheld: list[str] = []
     if any(end.startswith("tls/") for end in (*listen, *connect)):
         settings |= _secured(pipeline, host)
-    return Link(listen, connect, known.scout, settings)
+        granted = granted_orders(pipeline, host)
+        withheld = [order for order in ORDERS if order not in granted]
+    return Link(listen, connect, known.scout, settings, tuple(withheld))
 
 
 def keys_folder(pipeline: Pipeline) -> Path:

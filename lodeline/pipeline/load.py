@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from lodeline.hosts.permits import ORDERS
 from lodeline.loading import shipped
 from lodeline.node import Driver, Input, Node
 from lodeline.params import guess, nearest
@@ -179,7 +180,7 @@ def _check_link(draft: Draft, place: Place, faults: list[Fault]) -> None:
             faults.append(at.fault(f"link_rate of {key!r}, which no node sends{guess(key, sent)}"))
     for host in draft.hosts.values():
         for key in host.grant:
-            if key not in draft.external:
+            if key not in draft.external and key not in ORDERS:
                 text = f"host {host.name!r} is granted {key!r}, which is no external key"
                 faults.append(place.fault(text))
 

@@ -20,7 +20,7 @@ class Host:
     """A machine: the address it listens on for the others, or the one it connects to.
 
     With `scout` it also looks for the others by multicast. `grant` are keys from outside, without
-    the pipeline's name, that tools on it may send over the link.
+    the pipeline's name, that tools on it may send over the link, and orders that they may give.
     """
 
     name: str

@@ -20,6 +20,7 @@ from lodeline.calibration.wheels import FEWEST_TURNS, stopped
 from lodeline.node import CalibrationInUse
 from lodeline.recording.raw_readings import CLASSES, Readings
 from lodeline.rotation import Vector
+from lodeline.run_folder import Reader
 from lodeline.terminal.circles import beside, ring, scatter
 from lodeline.terminal.screen import Block
 from lodeline.watch import CALIBRATING, Watch
@@ -64,6 +65,8 @@ class Wizard:
         self._watch = watch
         self._cls, ending = CLASSES[kind]
         self._key = watch.full_key(ending)
+        for why in self._refusals().values():
+            print(f"warning: {why}", file=sys.stderr)
         self._page = watch.publisher(f"{watch.manifest.name}/{CALIBRATING}", "application/json")
         self._block = Block()
         self._shown = -inf
@@ -167,11 +170,22 @@ class Wizard:
 
         By node: what it went by before, or why it refused.
         """
-        return {
+        whys = self._refusals()
+        return whys | {
             reader.node: said["refused"] if "refused" in said else CalibrationInUse(**said)
-            for reader in self._watch.manifest.readers.get(self._key, ())
+            for reader in self._readers()
+            if reader.node not in whys
             for said in self._watch.ask("@calibrate", f"/{reader.node}", data).values()
         }
+
+    def _refusals(self) -> dict[str, str]:
+        """Nodes that read these readings and cannot be told from here, and why."""
+        manifest = self._watch.manifest
+        whys = {item.node: manifest.refusal("calibrate", item.node) for item in self._readers()}
+        return {node: why for node, why in whys.items() if why}
+
+    def _readers(self) -> tuple[Reader, ...]:
+        return self._watch.manifest.readers.get(self._key, ())
 
     def show_fit(self, readings: Readings, fit: CompassFit, before: ImuCalibration) -> Picture:
         """The circle before and after, in the terminal."""

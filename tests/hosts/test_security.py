@@ -83,6 +83,10 @@ def test_over_tls_all_is_as_without(net: Net, keys: Path) -> None:
         assert eventually(lambda: robot.received("watcher", "speed") > 100, 10.0, 0.2)
         assert set(robot.reports()) == set(laptop.reports()) == {"robot", "laptop"}
         assert not robot.says("without tls")
+        refused = laptop.call("restart", "source")
+        assert refused.returncode == 1
+        assert "source is on robot, and tools on laptop may not restart over tls" in refused.stderr
+        assert "write `grant: [restart]` for laptop" in refused.stderr
 
 
 def test_strangers_do_not_link_and_hosts_say_only_what_is_theirs(
@@ -124,6 +128,33 @@ def test_cmd_vel_needs_a_grant(net: Net, keys: Path) -> None:
         stranger(net, keys, "laptop", "rover/cmd_vel")
         assert "rover/cmd_vel" in forged
         client.close()
+
+
+def test_an_order_is_taken_only_where_the_ordered_host_grants_it(net: Net, keys: Path) -> None:
+    way = f"connect: {net.address}, grant: [restart]"
+    hosts = f"{{robot: {{listen: {net.address}}}, laptop: {{{way}}}}}"
+    granted = net.file(more=f"tls: {keys}", hosts=hosts)
+    bare = net.file(more=f"tls: {keys}", at="two")
+    with Host(net.laptop, granted, "laptop") as laptop:
+        with Host(net.robot, bare, "robot") as robot:
+            assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
+            result = laptop.call("restart", "source")
+            assert result.returncode == 1
+            assert "is robot linked (`lodeline doctor net`), and does the file" in result.stdout
+            assert robot.call("restart", "source").returncode == 0  # its own tools may
+            before = restarts(robot)
+            assert before == 1
+        with Host(net.robot, granted, "robot") as robot:
+            assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
+            result = laptop.call("restart", "source")
+            assert (result.returncode, result.stdout) == (0, "source: restarting\n")
+            assert eventually(lambda: restarts(robot) == 1, 5.0, 0.1)
+
+
+def restarts(host: Host) -> int:
+    """How often the source was started again."""
+    (found,) = [item for item in host.reports()["robot"]["processes"] if "source" in item["nodes"]]
+    return int(found["restarts"])
 
 
 def test_a_link_ends_with_its_certificate(net: Net, keys: Path) -> None:

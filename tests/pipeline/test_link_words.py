@@ -32,6 +32,22 @@ def test_a_host_may_send_its_own_keys_and_its_grants_only(write: Write) -> None:
     assert not {"rig/wheels", "rig/speed/mean", "rig/status/source", "rig/**"} & set(sends)
 
 
+def test_orders_to_nodes_of_another_host_are_granted_over_tls_and_free_without(
+    write: Write,
+) -> None:
+    assert link_of(load(write(GOOD)), "laptop").withheld == ()
+    secured = GOOD + "tls: keys\n"
+    assert link_of(load(write(secured)), "laptop").withheld == ("restart", "calibrate")
+    text = secured.replace("connect: 10.0.0.1", "connect: 10.0.0.1, grant: [restart]")
+    assert link_of(load(write(text)), "laptop").withheld == ("calibrate",)
+    policies = link_of(load(write(text)), "robot").settings["access_control"]
+    (obeyed,) = [rule for rule in policies["rules"] if rule["id"] == "obey-laptop"]
+    assert (obeyed["messages"], obeyed["key_exprs"]) == (["query"], ["rig/@restart/**"])
+    # A key of that name is just a key.
+    text = text.replace("external:\n", "external:\n  restart: Twist\n")
+    assert "restart" in link_of(load(write(text)), "laptop").withheld
+
+
 def test_link_rate_is_for_the_link_alone(write: Write) -> None:
     pipeline = load(write(GOOD + "link_rate: {wheels: 20}\n"))
     assert pipeline.link_rate == {"rig/wheels": 20.0}
