@@ -98,7 +98,11 @@ def from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def to_euler(q: Quaternion) -> Vector:
-    """(roll, pitch, yaw) [rad] of a unit quaternion; with x vertical, roll is 0 by convention."""
+    """(roll, pitch, yaw) [rad] of a unit quaternion; with x vertical, roll is 0 by convention.
+
+    (5) of the DCM paper: pitch = -asin r31, roll = atan2(r32, r33), yaw = atan2(r21, r11). Its
+    print negates all three, takes the pitch from phi, and has the quotient of the yaw upside down.
+    """
     x, y, z, w = q
     s = 2.0 * (w * y - x * z)
     if abs(s) >= _GIMBAL:
@@ -143,7 +147,11 @@ def from_matrix(r: Matrix) -> Quaternion:
 
 
 def matrix_from_euler(roll: float, pitch: float, yaw: float) -> Matrix:
-    """Rz(yaw) Ry(pitch) Rx(roll) as rows, angles in rad."""
+    """Rz(yaw) Ry(pitch) Rx(roll) as rows, angles in rad.
+
+    (4) of the DCM paper, which prints Rz(phi) Ry(theta) Rz(psi), with the Rx and Rz of its (3)
+    transposed against its Ry; the lecture's three matrices are these.
+    """
     cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
     return (
         (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),

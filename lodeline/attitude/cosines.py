@@ -46,7 +46,9 @@ def tilt_compensated_yaw(rows: Matrix, field: Vector, declination: float) -> flo
 def turned_matrix(rows: Matrix, turn: Vector, largest: float) -> Matrix:
     """The matrix after a small turn [rad] about body axes, orthonormal again.
 
-    A turn larger than `largest` [rad] is done exactly, as (19) is of first order.
+    A turn larger than `largest` [rad] is done exactly, as (19) is of first order. The print has a
+    dot for the cross product of (7), no (9) at all, dots for the products of scalar and row in
+    (13)-(15), and dt w, which is the turn only, for the new matrix in (19).
     """
     tx, ty, tz = turn
     (a, b, c), (d, e, f), _ = rows

@@ -141,7 +141,10 @@ class Dcm(StrengthWatcher):
 
 
 def _correction(s: DcmState, rows: Matrix, dt: float, gains: Gains) -> Vector:
-    """P part of the correction [rad/s] by the sample before, body axes; the I part is added up."""
+    """P part of the correction [rad/s] by the sample before, body axes; the I part is added up.
+
+    (16) as printed, r_z x g, would turn away from a gravity that is measured (+1 g on z at rest).
+    """
     (r11, _, _), (r21, _, _), (rx, ry, rz) = rows
     ax, ay, az = s.force[0] / GRAVITY, s.force[1] / GRAVITY, s.force[2] / GRAVITY
     size = sqrt(ax * ax + ay * ay + az * az)

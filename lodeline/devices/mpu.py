@@ -2,7 +2,8 @@
 
 Register names and scales are those of InvenSense's register maps RM-MPU-9250A, RM-MPU-6500A and
 RM-MPU-6000A. Values come in the chip's axes, which are FLU when it is mounted x forward and z up;
-turning them is the business of the calibration.
+turning them is the business of the calibration. At +-2 g, 16384 LSB are 1 g, so 8192 LSB are 0.5 g
+and not the 1 g that (1) of the DCM paper prints.
 """
 
 from __future__ import annotations
