@@ -3,9 +3,10 @@
 A magnet holds its reed closed over a stretch of the way, the passage. A closed reed alone says
 only that the magnet is somewhere in it (`plain_sights`). A reed that was open one reading ago
 closed within the last step, so the magnet is at the near end of the passage; one that opens again
-leaves it at the far end. In between, and across, readings closer together than the passage share
-one error, so each is worth its share of the way, and all of them little more than one passage
-(`edge_sights`).
+leaves it at the far end. Across, all readings of a passage have one error in common, so each is
+worth its share of the way, and all of them one sight. Ahead, one in between tells only that the
+magnet did not leave within the last step: a share of that share, next to nothing where steps are
+short (`edge_sights`).
 
 Where a sight has to tell one magnet from the next (`sharp`), shares are too faint to choose by: the
 first reading of a magnet is then worth the passage as a whole, and the others of it nothing.
@@ -18,7 +19,6 @@ UNKNOWN_WAY = 1e3  # m: the bar may have come from anywhere
 SAME_MAGNET = 0.011  # m: magnets are farther apart than a sight moves within a passage
 STUCK = 2.0  # passages: a reed that stays closed for longer has no magnet under it
 ANYWHERE = 1.0  # m^2: variance across of a magnet that is no longer under any reed
-MOST = 1.2  # passages that the readings of one are worth: most of their error is the same
 NOTHING = 1e-6  # share of a passage
 STRAIGHT = 0.8  # share of the bar's way along its x axis from which there is a near and a far end
 
@@ -39,7 +39,7 @@ class Contact(NamedTuple):
     lateral: float
     since_first: float  # signed, along x, since the first reading that had it
     since_last: float  # any direction, since the last reading that had it
-    told: float = 0.0  # share of what the passage tells that was taken from its readings
+    told: float = 0.0  # share of a passage that its readings are worth so far
 
     def moved(self, way: float, step: float) -> "Contact":
         """After the bar moved by `way` [m], of which `step` along x."""
@@ -100,7 +100,7 @@ def edge_sights(
         if before is None:
             worth = 1.0 if sharp else share
             ahead_share = worth
-            kept.append(Contact(lateral, 0.0, 0.0, MOST if sharp else share))
+            kept.append(Contact(lateral, 0.0, 0.0, worth))
             if straight:  # it came in at the near end, within the last step
                 ahead_share = 1.0
                 if step > 0.0:
@@ -109,9 +109,10 @@ def edge_sights(
                     high = min(half, -half - step)
         else:
             left_over.remove(before)
-            worth = ahead_share = max(0.0, min(share, MOST - before.told))
+            worth = max(0.0, min(share, 1.0 - before.told))
+            ahead_share = share * share if straight else worth
             since_first = before.since_first + step
-            kept.append(Contact(lateral, since_first, 0.0, before.told + worth))
+            kept.append(Contact(lateral, since_first, 0.0, before.told + share))
             if worth < NOTHING or abs(since_first) > STUCK * model.passage:
                 continue
         sight = model.sight(lateral, low, high)

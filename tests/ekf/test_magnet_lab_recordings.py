@@ -105,7 +105,7 @@ def test_the_lab_s_own_measurement_model_does_in_the_lab_s_own_setting(
 
 
 def test_no_figure_hangs_on_a_parameter_that_is_just_so() -> None:
-    """A quarter more or less of any parameter changes the mean figure by less than 12 %."""
+    """A quarter more or less of any parameter changes the mean figure by less than 10 %."""
 
     def mean(wheels: OdometryParams, params: LocalizerParams) -> float:
         return sum(rms(run, course, wheels, params) for run, course, _ in FIGURES) / len(FIGURES)
@@ -113,7 +113,7 @@ def test_no_figure_hangs_on_a_parameter_that_is_just_so() -> None:
     best = mean(WHEELS, PARAMS)
     for factor in (0.75, 1.25):
         k = factor * WHEELS.distance_noise
-        assert mean(replace(WHEELS, distance_noise=k), PARAMS) <= 1.12 * best
+        assert mean(replace(WHEELS, distance_noise=k), PARAMS) <= 1.10 * best
         for name in ("passage", "edge_sigma", "lateral_sigma", "gate"):
             other = replace(PARAMS, **{name: factor * getattr(PARAMS, name)})
-            assert mean(WHEELS, other) <= 1.12 * best, (name, factor)
+            assert mean(WHEELS, other) <= 1.10 * best, (name, factor)
