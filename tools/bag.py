@@ -2,7 +2,7 @@
 
 `lodeline bag VERB --help` tells more of each. Ctrl-C is the regular end of `record`: the file is
 closed, exit 0. Exit codes: 0 fine, 1 failed (for `record`: the disk is full), 2 usage,
-3 recovered with losses, 4 no pipeline runs or no such key, 130 interrupted.
+3 recovered with losses, 4 no such file or key, or no pipeline runs, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lodeline.recording import RecordingError, texts
+from lodeline.recording import NoRecordingError, RecordingError, texts
 from lodeline.terminal.numbers import positive, seconds
 from lodeline.watch import NothingThereError
 
@@ -31,12 +31,12 @@ def main(argv: list[str]) -> int:
         done: int = args.verb(args)
     except BrokenPipeError:
         raise
+    except (NothingThereError, NoRecordingError) as error:
+        print(error, file=sys.stderr)
+        return 4
     except (RecordingError, OSError) as error:
         print(error, file=sys.stderr)
         return 1
-    except NothingThereError as error:
-        print(error, file=sys.stderr)
-        return 4
     return done
 
 

@@ -39,7 +39,7 @@ from lodeline.calibration_file import (
     previous,
     store,
 )
-from lodeline.recording import RecordingError
+from lodeline.recording import NoRecordingError, RecordingError
 from lodeline.recording.raw_readings import CLASSES, Readings, read
 from lodeline.rotation import Vector
 from lodeline.terminal.numbers import positive
@@ -67,7 +67,7 @@ def main(argv: list[str]) -> int:
             print(_use(args, section))
         else:
             _live(args)
-    except NothingThereError as error:
+    except (NothingThereError, NoRecordingError) as error:
         print(error, file=sys.stderr)
         return EXIT_NOTHING
     except CalibrationRefusedError as error:

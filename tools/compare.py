@@ -2,7 +2,8 @@
 
 Takes recordings (MCAP) or folders of tables of `lodeline replay --csv`. Of each it compares the
 pose of the filter, or odometry where there is none; --key names another. B is interpolated at the
-stamps of A. Exit codes: 0 fine, 1 failed, 2 usage, 4 nothing in common.
+stamps of A. Exit codes: 0 fine, 1 failed, 2 usage, 4 not there, or nothing
+in common.
 """
 
 from __future__ import annotations
@@ -14,28 +15,16 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lodeline.plotting import NothingToPlotError
-from lodeline.recording import RecordingError
+from lodeline.terminal.ending import ended
 
 if TYPE_CHECKING:  # loaded when the arguments are known to be good
     from lodeline.plotting.comparison import Comparison, Side
-
-EXIT_FAILED, EXIT_NOTHING = 1, 4
 
 
 def main(argv: list[str]) -> int:
     """Run `lodeline compare`; the exit code."""
     args = parser().parse_args(argv)
-    from lodeline.plotting.png import NoMatplotlibError
-
-    try:
-        return _compare(args)
-    except NothingToPlotError as error:
-        print(error, file=sys.stderr)
-        return EXIT_NOTHING
-    except (RecordingError, NoMatplotlibError, OSError) as error:
-        print(error, file=sys.stderr)
-        return EXIT_FAILED
+    return ended(lambda: _compare(args))
 
 
 def parser() -> argparse.ArgumentParser:

@@ -5,7 +5,8 @@ IN is a CSV file, or one packed by gzip, with the columns t_s, gx, gy, gz (rad/s
 y left, z up. Other columns are left alone. OUT has one row for each: t_s, the quaternion qx, qy,
 qz, qw (body to a world with x east, y north, z up), roll, pitch and yaw in rad (yaw from east,
 counter-clockwise), bias_x, bias_y, bias_z in rad/s where the method looks for a gyro bias, and
-heading_std in rad. Exit codes: 0 fine, 1 a file cannot be used, 2 usage, 3 invalid parameters.
+heading_std in rad. Exit codes: 0 fine, 1 a file cannot be used, 2 usage, 3 invalid parameters,
+4 no such file.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from lodeline.attitude.base import Attitude
 from lodeline.recording import RecordingError
 from lodeline.recording.imu_csv import CsvTable, ImuRow, read_imu
 from lodeline.rotation import Vector, to_euler
+from lodeline.terminal.ending import ended
 
 POSE_COLUMNS = "t_s,qx,qy,qz,qw,roll,pitch,yaw"
 BIAS_COLUMNS = "bias_x,bias_y,bias_z"
@@ -31,17 +33,12 @@ LEAST_GRAVITY, LEAST_FIELD = 3.0, 2e-6  # m/s^2, T: less than this all along is 
 def main(argv: list[str]) -> int:
     """Run `lodeline estimate`; the exit code."""
     args = parser().parse_args(argv)
-    from lodeline.pipeline.faults import PipelineError
+    return ended(lambda: _estimate(args))
 
-    try:
-        estimator = METHODS[args.method](read_params(args.params, METHODS[args.method].Params))
-        rows, doubts = write_estimates(args.input, estimator, args.output)
-    except PipelineError as error:
-        print(error, file=sys.stderr)
-        return 3
-    except (RecordingError, OSError) as error:
-        print(error, file=sys.stderr)
-        return 1
+
+def _estimate(args: argparse.Namespace) -> int:
+    estimator = METHODS[args.method](read_params(args.params, METHODS[args.method].Params))
+    rows, doubts = write_estimates(args.input, estimator, args.output)
     for doubt in doubts:
         print(f"{args.input}: {doubt}", file=sys.stderr)
     print(f"{args.output}: {rows} rows by {args.method}", file=sys.stderr)

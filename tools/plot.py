@@ -2,7 +2,7 @@
 
 Takes a recording (MCAP) or a folder of tables of `lodeline replay --csv`, and draws every plot that
 it has the samples for; of the others it says on standard error why not. Without --png and --html it
-lists them. Exit codes: 0 fine, 1 failed, 2 usage, 3 invalid pipeline, 4 nothing to plot.
+lists them. Exit codes: 0 fine, 1 failed, 2 usage, 3 invalid pipeline, 4 nothing there to plot.
 """
 
 from __future__ import annotations
@@ -13,28 +13,16 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lodeline.plotting import NothingToPlotError
-from lodeline.recording import RecordingError
+from lodeline.terminal.ending import ended
 
 if TYPE_CHECKING:  # what draws is loaded when there is something to draw
     from lodeline.ekf import LocalizerParams
-
-EXIT_FAILED, EXIT_NOTHING = 1, 4
 
 
 def main(argv: list[str]) -> int:
     """Run `lodeline plot`; the exit code."""
     args = parser().parse_args(argv)
-    from lodeline.plotting.png import NoMatplotlibError
-
-    try:
-        return _plot(args)
-    except NothingToPlotError as error:
-        print(error, file=sys.stderr)
-        return EXIT_NOTHING
-    except (RecordingError, NoMatplotlibError, OSError) as error:
-        print(error, file=sys.stderr)
-        return EXIT_FAILED
+    return ended(lambda: _plot(args))
 
 
 def parser() -> argparse.ArgumentParser:

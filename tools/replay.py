@@ -3,6 +3,9 @@
 The pipeline's drivers stay out; every key that its other nodes send is computed anew. A robot's
 text file (--format) is imported on the way, and --png or --html draw the plots: one command from
 the file to what is handed in.
+
+Exit codes: 0 fine, 1 the recording cannot be used or a node failed, 2 usage, 3 invalid pipeline,
+4 no such file, or nothing in it to plot.
 """
 
 from __future__ import annotations
@@ -15,8 +18,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lodeline.plotting import NothingToPlotError
-from lodeline.recording import RecordingError, texts
+from lodeline.recording import texts
+from lodeline.terminal.ending import ended
 
 if TYPE_CHECKING:  # MCAP and YAML are loaded when the arguments are known to be good
     from lodeline.pipeline.model import Pipeline
@@ -24,24 +27,23 @@ if TYPE_CHECKING:  # MCAP and YAML are loaded when the arguments are known to be
 
 
 def main(argv: list[str]) -> int:
-    """Exit 0 fine, 1 the recording cannot be used or a node failed, 3 invalid pipeline."""
+    """Run `lodeline replay`; the exit code."""
     made = parser()
     args = made.parse_args(argv)
     if not (args.pipeline or args.format):
         made.error("--pipeline is needed: which nodes shall take the recording?")
     from lodeline.pipeline.load import PipelineError, find, load
-    from lodeline.plotting.png import NoMatplotlibError
 
     try:
         pipeline = load(find(args.pipeline or args.format), args.set)
     except PipelineError as error:
         print(error, file=sys.stderr)
         return 3
-    try:
-        outcome = _replay(pipeline, args)
-    except (RecordingError, NothingToPlotError, NoMatplotlibError, OSError) as error:
-        print(error, file=sys.stderr)
-        return 1
+    return ended(lambda: _told(_replay(pipeline, args), args))
+
+
+def _told(outcome: Outcome, args: argparse.Namespace) -> int:
+    """Say what came of it; the exit code."""
     print(json.dumps(_as_json(outcome), indent=1) if args.json else _as_text(outcome))
     for text, times in outcome.said.items():
         print(f"{text}{f' ({times} times)' if times > 1 else ''}", file=sys.stderr)

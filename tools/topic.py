@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lodeline.tables import table
+from lodeline.terminal.ending import ended
 from lodeline.terminal.numbers import positive
 from lodeline.terminal.samples import make_message, read_values, sample_text
 from lodeline.terminal.traffic import (
@@ -48,7 +49,7 @@ def main(argv: list[str]) -> int:
     arguments = parser().parse_args(argv)
     try:
         if getattr(arguments, "bag", None) is not None:
-            return _echo_bag(arguments)
+            return ended(lambda: _echo_bag(arguments))
         with Watch(choose(arguments.name)) as watch:
             verb: Callable[[Watch, argparse.Namespace], int] = arguments.run
             return verb(watch, arguments)
@@ -219,20 +220,15 @@ def _echo(watch: Watch, arguments: argparse.Namespace) -> int:
 
 
 def _echo_bag(arguments: argparse.Namespace) -> int:
-    from lodeline.recording import RecordingError
     from lodeline.recording.read import Recording
 
-    try:
-        with Recording(arguments.bag) as recording:
-            types = {key: info.type for key, info in recording.channels.items() if info.type}
-            key = meant_key(arguments.key, types, str(arguments.bag))
-            for place, packed in enumerate(recording.packed([key]), 1):
-                _print_sample(packed.data, encoding_of(types[key]), arguments.json)
-                if place == arguments.count:
-                    break
-    except RecordingError as error:
-        print(error, file=sys.stderr)
-        return EXIT_FAILED
+    with Recording(arguments.bag) as recording:
+        types = {key: info.type for key, info in recording.channels.items() if info.type}
+        key = meant_key(arguments.key, types, str(arguments.bag))
+        for place, packed in enumerate(recording.packed([key]), 1):
+            _print_sample(packed.data, encoding_of(types[key]), arguments.json)
+            if place == arguments.count:
+                break
     return 0
 
 

@@ -7,3 +7,7 @@
 
 class NothingToPlotError(Exception):
     """A recording lacks what a plot needs, or two have nothing in common; the text says what."""
+
+
+class NoMatplotlibError(Exception):
+    """matplotlib is not installed; the text says how to get it."""

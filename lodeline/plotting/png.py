@@ -8,6 +8,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
+from lodeline.plotting import NoMatplotlibError
 from lodeline.plotting.figure import Band, Curve, Figure, Floor, Limit, Panel
 from lodeline.plotting.palette import light
 
@@ -39,10 +40,6 @@ STYLE: dict[str, Any] = {
     "legend.borderaxespad": 0.0,
     "path.simplify": True,
 }
-
-
-class NoMatplotlibError(Exception):
-    """matplotlib is not installed; the text says how to get it."""
 
 
 def write(figures: Sequence[Figure], folder: Path, name: str) -> list[Path]:

@@ -6,7 +6,7 @@ import struct
 import zlib
 from pathlib import Path
 
-from lodeline.recording import RecordingError
+from lodeline.recording import RecordingError, unreadable
 
 MAGIC = b"\x89MCAP0\r\n"
 _END = struct.Struct("<BQQQI8s")  # footer: opcode, length, summary, offsets, CRC; then the magic
@@ -35,10 +35,8 @@ def check_ends(path: Path) -> None:
                 summary = stream.read()[: -len(MAGIC) - _CRC_BYTES]
                 if zlib.crc32(summary) != crc:
                     raise RecordingError(f"{path} has a damaged index; {way_out(path)}")
-    except FileNotFoundError:
-        raise RecordingError(f"{path}: there is no such file") from None
     except OSError as error:
-        raise RecordingError(f"{path}: {error.strerror}") from None
+        raise unreadable(path, error) from None
 
 
 def way_out(path: Path) -> str:

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, NoReturn, Self
 
-from lodeline.recording import RecordingError
+from lodeline.recording import RecordingError, unreadable
 from lodeline.rotation import Vector
 
 TIME = "t_s"
@@ -53,7 +53,7 @@ class CsvTable:
         try:
             self._stream, self._delimiter = _open(file)
         except OSError as error:
-            raise RecordingError(f"{file}: {error.strerror or error}") from None
+            raise unreadable(file, error) from None
         try:
             self._lines = self._read(self._delimiter)
             self._point = ""  # what the numbers have, as soon as one has it: `.` or `,`

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from lodeline.recording import RecordingError
+from lodeline.recording import RecordingError, unreadable
 from lodeline.recording.imu_csv import ACCEL, GYRO, MAG, MICROTESLA, TIME, CsvTable
 from lodeline.rotation import Vector
 from lodeline_msgs import Imu, MagneticField, Message, WheelTicks
@@ -70,7 +70,7 @@ def read(file: Path, kind: Kind) -> Readings:
         with file.open("rb") as stream:
             recorded = stream.read(len(MCAP_MAGIC)) == MCAP_MAGIC
     except OSError as error:
-        raise RecordingError(f"{file}: {error.strerror}") from None
+        raise unreadable(file, error) from None
     readings = _recorded(file, kind) if recorded else _tabled(file, kind)
     if not readings.times:
         raise RecordingError(f"{file}: no readings for a calibration of {kind}")

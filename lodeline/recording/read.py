@@ -14,7 +14,7 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel, Schema
 from mcap.summary import Summary
 
-from lodeline.recording import RecordingError
+from lodeline.recording import RecordingError, unreadable
 from lodeline.recording.chunks import messages
 from lodeline.recording.ends import check_ends, way_out
 from lodeline.recording.write import MESSAGE_ENCODING, METADATA
@@ -67,7 +67,7 @@ class Recording:
         try:
             self._stream = path.open("rb")
         except OSError as error:
-            raise RecordingError(f"{path}: {error.strerror}") from None
+            raise unreadable(path, error) from None
         self.metadata: dict[str, str] = {}
         self.channels: dict[str, ChannelInfo] = {}
         self.span = (0, 0)

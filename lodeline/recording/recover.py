@@ -18,7 +18,7 @@ from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
-from lodeline.recording import RecordingError
+from lodeline.recording import RecordingError, unreadable
 from lodeline.recording.ends import MAGIC
 from lodeline.recording.read import RECORD_LIMIT
 from lodeline.recording.write import CHUNK_BYTES, whole_file
@@ -47,7 +47,7 @@ def recover(source: Path, target: Path, *, replace: bool = False) -> Recovered:
     try:
         stream = source.open("rb")
     except OSError as error:
-        raise RecordingError(f"{source}: {error.strerror}") from None
+        raise unreadable(source, error) from None
     found = Recovered()
     with stream, whole_file(target, replace=replace) as out:
         if stream.read(len(MAGIC)) != MAGIC:

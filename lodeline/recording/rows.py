@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from lodeline.recording import RecordingError
+from lodeline.recording import RecordingError, unreadable
 
 # A comma within a number, where blanks or semicolons stand between the numbers.
 _DECIMAL_COMMA = re.compile(r"\d,\d+(\s*;\s*|\s+)[^\s,;]")
@@ -17,7 +17,7 @@ def rows(file: Path, expected: str) -> Iterator[tuple[int, list[str]]]:
     try:
         text = file.read_bytes().decode("utf-8-sig")
     except OSError as error:
-        raise RecordingError(f"{file}: {error.strerror}") from None
+        raise unreadable(file, error) from None
     except UnicodeDecodeError:
         raise RecordingError(f"{file}: is no text, expected {expected}") from None
     found = False
