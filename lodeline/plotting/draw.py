@@ -40,8 +40,8 @@ def say(drawn: Drawn, folder: Path | None, html: Path | None) -> None:
         print(f"left out {kind}: {why}", file=sys.stderr)
     written = [f"{len(drawn.figures)} files in {folder}"] if folder is not None else []
     written += [str(html)] if html is not None else []
-    if written:
-        print(f"written: {', '.join(written)}", file=sys.stderr)
+    done = f"written: {', '.join(written)}" if written else "none drawn: --png DIR or --html FILE"
+    print(done, file=sys.stderr)
 
 
 def _facts(run: Run) -> str:

@@ -144,6 +144,7 @@ def test_what_a_recording_lacks_is_left_out_and_told(
     assert main(["plot", str(loop)]) == 0
     out, err = capsys.readouterr()
     assert "left out attitude: no AttitudeEstimate in it" in err
+    assert err.endswith("none drawn: --png DIR or --html FILE\n")
     assert [line.split()[0] for line in out.splitlines()] == list(said["plots"])
 
 

@@ -83,7 +83,7 @@ def test_file_without_rows_or_that_is_no_text_is_refused(tmp_path: Path) -> None
     (tmp_path / "lab.txt").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RecordingError, match="is no text, expected 15 columns"):
         read_rows(tmp_path / "lab.txt")
-    with pytest.raises(RecordingError, match="No such file"):
+    with pytest.raises(RecordingError, match="there is no such file"):
         read_rows(tmp_path / "none.txt")
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from lodeline.cli import main as lodeline
 from lodeline.loading import shipped
 from lodeline.recording.read import Recording
 
@@ -46,11 +47,35 @@ def test_info_of_what_is_no_recording_fails_with_one_line(
     tmp_path: Path, lab_text: Path, bag: Tool, capsys: Capture
 ) -> None:
     assert bag(["info", str(lab_text)]) == 1
-    assert "no MCAP recording" in capsys.readouterr().err
-    assert bag(["info", str(tmp_path / "none.mcap")]) == 1
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.endswith("none.mcap: there is no such file\n")
+    assert "no MCAP recording" in err
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "bag info FILE",
+        "bag export FILE --csv out",
+        "bag recover FILE -o out.mcap",
+        "bag import FILE --format magnet-lab",
+        "bag import FILE --preview",
+        "calibrate mag --from FILE",
+        "compare FILE FILE",
+        "estimate FILE -o out.csv",
+        "plot FILE",
+        "replay FILE --pipeline magnet-lab",
+        "replay FILE --format lecture-wheels",
+        "topic echo pose --bag FILE",
+    ],
+)
+def test_a_file_that_is_not_there_ends_every_verb_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert lodeline(command.replace("FILE", "none.mcap").split()) == 4
+    assert capsys.readouterr() == ("", "none.mcap: there is no such file\n")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_truncated_recording_is_refused_then_recovered_by_the_verb_it_names(
