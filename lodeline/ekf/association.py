@@ -10,6 +10,7 @@ from lodeline.ekf.mixture import LEAST, MOST, Hypothesis, Mixture, reduced
 from lodeline.ekf.reeds import Sight
 from lodeline.magnets.lattice import Lattice
 
+DOUBT, ALARM = 3.0, 2.576  # sigmas: 99.7 and 99 % of errors are smaller
 STRAY = 0.01  # share of sights that come from no magnet of the lattice
 BRANCH_GATE = 16.0  # chi-square: a branch not taken never comes back, so 3 in 10 000 are refused
 
@@ -32,20 +33,22 @@ class Association:
         self._engine, self._lattice = engine, lattice
         self._bar_x, self._gate = bar_x, gate
         self._branch_gate = max(gate, BRANCH_GATE)
-        self._wide = (0.5 * lattice.pitch - bar_error) / 3.0
-        self._astray = 0.5 * (lattice.pitch - bar_error) / 3.0
+        # of the bar's place, when so many sigmas of it and of a sight together reach half the pitch
+        self._wide, self._astray = (
+            max(0.0, (0.5 * lattice.pitch / sigmas) ** 2 - bar_error**2)
+            for sigmas in (DOUBT, ALARM)
+        )
 
     def is_wide(self, belief: Belief) -> bool:
-        """True if 3 sigma of the bar's place reach so far that a neighbour may be meant."""
-        return self._variance(belief) > self._wide * self._wide
+        """True if a neighbour may be meant: that is looked into, though it is unlikely."""
+        return self._variance(belief) > self._wide
 
     def is_astray(self, belief: Belief, *, before: bool) -> bool:
-        """True if the bar may be in another cell: wide by half of the bar's own error more.
+        """True if a neighbour is meant in more than one case of a hundred: that is to be told.
 
-        If it was so `before`, until it is not even wide any more: it does not come and go.
+        If it was so `before`, until nobody needs to look into it: it does not come and go.
         """
-        limit = self._wide if before else self._astray
-        return self._variance(belief) > limit * limit
+        return self._variance(belief) > (self._wide if before else self._astray)
 
     def _variance(self, belief: Belief) -> float:
         """Variance [m^2] of the bar's place along the longest axis of its ellipse."""

@@ -11,9 +11,9 @@ class Estimate:
 
     `nis` is the squared Mahalanobis distance of the last detection (2 degrees of freedom, 0 before
     the first), `rejected` counts the detections that the gate refused. `ambiguous` says that
-    magnets may be, or may have been, taken for their neighbours: the 3-sigma ellipse of the bar
-    reaches half the pitch less half of the bar's own error (and since then has not shrunk to half
-    the pitch less all of it), or the cell of the pose has less than the probability asked for.
+    magnets may be, or may have been, taken for their neighbours: 99 % of what the places of bar and
+    magnet may be off by reaches half the pitch (and since then, 3 sigma still do), or the cell of
+    the pose has less than the probability asked for.
     `certainty` is that probability, as far as it was ever in doubt; the covariance has all
     hypotheses in it. `alarms` counts how often too many magnets were not where they should have
     been, or the robot was tilted as no floor does: it was moved, or is lost, its certainty is 0 and

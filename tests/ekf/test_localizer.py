@@ -121,22 +121,22 @@ def test_a_parked_robot_gets_no_less_sure_and_no_surer_over_a_magnet() -> None:
     assert (parked.x, parked.y) == pytest.approx((once.x, once.y), abs=1e-4)
 
 
-@pytest.mark.parametrize(("sigma", "ambiguous"), [(0.0071, False), (0.0073, True)])
-def test_ambiguous_when_three_sigma_reach_half_the_pitch_less_the_bar_s_own_error(
+@pytest.mark.parametrize(("sigma", "ambiguous"), [(0.0069, False), (0.0071, True)])
+def test_ambiguous_when_three_sigma_of_the_bar_and_its_own_error_reach_half_the_pitch(
     sigma: float, ambiguous: bool
 ) -> None:
-    """27.5 mm - 5.9 mm = 21.6 mm."""
+    """(27.5 mm / 3)^2 = (7.0 mm)^2 + (5.9 mm)^2."""
     assert of(started(initial_sigma=(sigma, 0.01))).ambiguous is ambiguous
 
 
 def test_doubt_about_the_cell_begins_above_the_level_at_which_it_ends() -> None:
-    """8.2 mm (24.5 mm = 3 sigma) and 7.2 mm: in between nothing changes, up or down."""
+    """8.9 mm (99 %) and 7.0 mm (3 sigma): in between nothing changes, up or down."""
     growing, shrinking, told = (
-        started(initial_sigma=(0.007, 0.0)),
+        started(initial_sigma=(0.0069, 0.0)),
         started(initial_sigma=(0.01, 0.0)),
         [],
     )
-    for i, more in enumerate((0.003, 0.004), 1):  # to 7.6 and 8.6 mm
+    for i, more in enumerate((0.005, 0.003), 1):  # to 8.5 and 9.0 mm
         out = growing.odometry(
             i * 50 * MS, 0.0, 0.0, 0.0, (400.0 * more**2, 0.0, 0.0, 0.0), 0.05, 0
         )
