@@ -305,6 +305,29 @@ def several_threads() -> Iterator[None]:
         os.environ[_RUNTIME] = one
 
 
+def overhear_links(take: Callable[[str], None]) -> None:
+    """Give each line that zenoh writes when a link cannot be opened to `take`, in a thread.
+
+    It says in no other way why. It writes to standard output, which becomes a pipe to that thread:
+    for a process that prints nothing there, once in its life, before its first session.
+    """
+    if "RUST_LOG" in os.environ:
+        return  # somebody reads all this himself
+    read, write = os.pipe()
+    os.dup2(write, 1)
+    os.close(write)
+    zenoh.init_log_from_env_or(
+        "zenoh_link_tls::unicast=warn,zenoh::net::runtime::orchestrator=debug"
+    )
+
+    def run() -> None:
+        with os.fdopen(read, errors="replace") as lines:
+            for line in lines:
+                take(line)
+
+    threading.Thread(target=run, name="zenoh's log", daemon=True).start()
+
+
 def query(run_folder: Path, key: str, timeout: float = 1.0) -> list[tuple[str, bytes]]:
     """Answers to one query through a host's hub; BusError if nobody is there."""
     client = Client(run_folder)

@@ -98,6 +98,8 @@ def _shown(report: dict[str, Any]) -> str:
     head = f"{report['pipeline']} on {report['host']}: supervisor {report['pid']}, "
     head += f"up {_duration(report['uptime'])}, pipeline {report['digest']}"
     head += "".join(f"\n  {_link(link)}" for link in report["links"])
+    if refused := report.get("refused"):
+        head += f"\n  LINK_REFUSED {refused['who']}: {refused['why']}: {refused['remedy']}"
     rows = [HEADINGS, *(_row(process) for process in report["processes"])]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADINGS))]
     lines = [

@@ -88,11 +88,12 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
     """Run the share of a host, linked with the others, or all hosts by this machine alone."""
     from contextlib import nullcontext
 
-    from lodeline.bus import Gateway, Hub, several_threads
+    from lodeline.bus import Gateway, Hub, overhear_links, several_threads
     from lodeline.clock import HostClock, StepWatch, epoch_offset
     from lodeline.hosts.links import Link, LinkError, check_listen, link_of, shown
     from lodeline.hosts.neighbours import Neighbours
     from lodeline.hosts.offset import NodeTime
+    from lodeline.hosts.refusals import Refusals
     from lodeline.hosts.share import share_of
     from lodeline.notify import Notifier
     from lodeline.run_folder import RunFolder, log_folder, marker_of
@@ -155,6 +156,9 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                 if step := wall.look():
                     console.event(f"CLOCK_STEP {step:+.0f} s: stamps keep to the time of the start")
 
+            refusals = Refusals(console.event)
+            if link.ends:
+                overhear_links(refusals.take)
             with several_threads() if link.ends else nullcontext():
                 hub = Hub(run.path)
             gateways = [Gateway(run.path, link)] if link.ends else []
@@ -189,7 +193,12 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                 neighbours.on_offset = on_offset
 
                 def report() -> bytes:
-                    about = {"digest": pipeline.digest, "links": neighbours.describe()}
+                    refused = refusals.current()
+                    about = {
+                        "digest": pipeline.digest,
+                        "links": neighbours.describe(),
+                        "refused": refused and refused._asdict(),
+                    }
                     return json.dumps(about | supervisor.report()).encode()
 
                 hub.serve(f"{pipeline.name}/@ps/{manifest.host}", report)

@@ -40,6 +40,9 @@ def check_links(report: Report, watch: Watch) -> None:
         if not any(host in word.split("+") for word in answers):
             report.add(host, "FAIL", "its supervisor does not answer", "see `lodeline ps`")
     for word, answer in sorted(answers.items()):
+        if refused := answer.get("refused"):
+            text = f"refused: {refused['who']}: {refused['why']}"
+            report.add(f"link of {word}", "FAIL", text, refused["remedy"])
         for link in answer["links"]:
             name = f"{word} to {link['host']}"
             if link["faults"]:

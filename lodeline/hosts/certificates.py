@@ -100,6 +100,8 @@ def check(folder: Path, host: str, address: str | None = None) -> list[str]:
         own.verify_directly_issued_by(authority)
     except Exception as error:
         raise KeysError(f"TLS {file} was not made by the authority in {CA}.pem") from error
+    if (name := _common_name(own)) != host:
+        raise KeysError(f"TLS {file} is of host {name!r}: run `lodeline keys add {host}`")
     now = _now()
     for certificate, name in ((authority, f"{CA}.pem"), (own, file.name)):
         if now > (end := certificate.not_valid_after_utc):
@@ -148,6 +150,13 @@ def _name(text: str) -> x509.Name:
     from cryptography import x509
 
     return x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, text)])
+
+
+def _common_name(certificate: x509.Certificate) -> str:
+    from cryptography import x509
+
+    names = certificate.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
+    return str(names[0].value) if names else ""
 
 
 def _general_name(address: str) -> x509.GeneralName:

@@ -169,7 +169,16 @@ def test_a_link_ends_with_its_certificate(net: Net, keys: Path) -> None:
             end = certificates.read(keys / "laptop.pem").not_valid_after_utc.timestamp()
             assert eventually(lambda: robot.says("LINK_LOST laptop"), 2.0 * LIFE_S, 0.1)
             assert -1.0 < time.time() - end < 6.0, "not before, and a lease later at most"
-            assert not eventually(lambda: robot.linked("laptop"), 3.0, 0.2)
+            place = f"{net.address}:7447"
+            ours = (
+                f"LINK_REFUSED {place}: it says that our certificate is not valid today: `lodeline"
+            )
+            assert eventually(lambda: laptop.says(ours), 5.0, 0.1)
+            assert robot.says("LINK_REFUSED who connects here: its certificate has expired: `lode")
+            assert "LINK_REFUSED 10.213.1.1:7447: it says" in laptop.call("ps").stdout
+            seen = laptop.call("doctor", "net")
+            assert "FAIL  link of laptop: refused: 10.213.1.1:7447: it says that our" in seen.stdout
+            assert not eventually(lambda: robot.linked("laptop"), 1.0, 0.2)
         with pytest.raises(AssertionError, match=r"TLS laptop.pem expired 20\d\d"):
             Host(net.laptop, file, "laptop").__enter__()
         assert robot.process.poll() is None
@@ -183,6 +192,11 @@ def test_up_names_what_is_wrong_with_a_certificate(keys: Path, tmp_path: Path) -
         certificates.check(keys, "tablet")
     certificates.add(keys, "old", days=-0.5)
     with pytest.raises(KeysError, match=r"TLS old.pem expired 20\d\d-\d\d-\d\d"):
+        certificates.check(keys, "old")
+    (keys / "old.pem").write_bytes((keys / "laptop.pem").read_bytes())
+    with pytest.raises(
+        KeysError, match=r"old.pem is of host 'laptop': run `lodeline keys add old`"
+    ):
         certificates.check(keys, "old")
     certificates.add(keys, "aging", days=3.5)
     assert certificates.check(keys, "aging") == ["TLS aging.pem expires in 3 days"]
