@@ -86,7 +86,7 @@ def _show_elsewhere(name: str, arguments: argparse.Namespace) -> int:
     with interrupts() as interrupted:
         feed(name, canvas, arguments.seconds, interrupted)
         canvas.close()
-        return EXIT_INTERRUPTED if interrupted.is_set() else 0
+        return EXIT_INTERRUPTED if interrupted.by_hand else 0
 
 
 async def _serve(name: str, arguments: argparse.Namespace) -> int:

@@ -55,12 +55,19 @@ def record_live(
     return end
 
 
-@contextmanager
-def interrupts() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set, while in the context."""
-    interrupted = threading.Event()
+class Interrupted(threading.Event):
+    """Set by Ctrl-C or SIGTERM; `by_hand` if it was Ctrl-C."""
 
-    def handler(_number: int, _frame: FrameType | None) -> None:
+    by_hand = False
+
+
+@contextmanager
+def interrupts() -> Iterator[Interrupted]:
+    """An event that Ctrl-C and SIGTERM set, while in the context."""
+    interrupted = Interrupted()
+
+    def handler(number: int, _frame: FrameType | None) -> None:
+        interrupted.by_hand = number == signal.SIGINT
         interrupted.set()
 
     before = {number: signal.signal(number, handler) for number in (signal.SIGINT, signal.SIGTERM)}
