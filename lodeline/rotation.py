@@ -5,7 +5,7 @@ World is ENU, body is FLU, angles are radians, yaw 0 is east and grows counter-c
 Quaternions are (x, y, z, w), of unit norm unless said otherwise; a matrix is a tuple of three rows.
 """
 
-from math import asin, atan2, copysign, cos, pi, remainder, sin, sqrt, tau
+from math import acos, asin, atan2, copysign, cos, pi, remainder, sin, sqrt, tau
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -64,6 +64,14 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
     )
 
 
+def height(q: Quaternion, v: Vector) -> float:
+    """The third part of R(q) v: along the vertical axis of the world."""
+    x, y, z, w = q
+    vx, vy, vz = v
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return vz + w * tz + x * ty - y * tx
+
+
 def from_rotation_vector(v: Vector) -> Quaternion:
     """Quaternion of the turn by |v| [rad] about v; exact for any length, also zero."""
     x, y, z = v
@@ -116,6 +124,12 @@ def yaw_of(q: Quaternion) -> float:
     """Yaw [rad] of a unit quaternion, 0 = east, counter-clockwise positive."""
     x, y, z, w = q
     return atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
+
+def tilt_of(q: Quaternion) -> float:
+    """Angle [rad] between the body's z axis and the vertical, for a unit quaternion."""
+    x, y, _, _ = q
+    return acos(max(-1.0, min(1.0, 1.0 - 2.0 * x * x - 2.0 * y * y)))
 
 
 def to_matrix(q: Quaternion) -> Matrix:

@@ -48,7 +48,11 @@ class Association:
 
         If it was so `before`, until nobody needs to look into it: it does not come and go.
         """
-        return self._variance(belief) > (self._wide if before else self._astray)
+        limit = self._wide if before else self._astray
+        _, _, _, p00, _, _, p11, _, p22 = belief
+        if 2.0 * (p00 + p11 + self._bar_x * self._bar_x * p22) <= limit:
+            return False  # even if all its parts pull the same way
+        return self._variance(belief) > limit
 
     def _variance(self, belief: Belief) -> float:
         """Variance [m^2] of the bar's place along the longest axis of its ellipse."""

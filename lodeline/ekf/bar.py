@@ -1,7 +1,5 @@
 """What a reading of the reed bar does to the track: sights, their association, the verdict."""
 
-from dataclasses import replace
-
 from lodeline.ekf.association import Association
 from lodeline.ekf.mixture import Hypothesis
 from lodeline.ekf.params import LocalizerParams
@@ -30,7 +28,7 @@ class Bar:
             track = self._seen(track, sight, torn=torn)
         if track.trust.alarms != alarms:
             contacts = ()  # which magnets these were is open again
-        return replace(track, bar=BarMemory(contacts, way=0.0))
+        return track._replace(bar=BarMemory(contacts, way=0.0))
 
     def distances(self, track: Track, hits: Hits) -> list[tuple[float, list[float]]]:
         """How a reading tells magnets apart: see `Association.distances`, for each fresh sight.
@@ -72,16 +70,16 @@ class Bar:
             if not sight.fresh and self._association.is_torn(track.belief, (nominal,)):
                 return track
             belief, nis, passed = self._association.single(track.belief, sight)
-            track = replace(track, mixture=(Hypothesis(track.mixture[0].weight, belief),))
+            track = track._replace(mixture=(Hypothesis(track.mixture[0].weight, belief),))
             return self._judged(track, nis, rejected=not passed)
         mixture, distance, rejected = self._association.branch(track.mixture, sight)
         if distance is None:
             return track
-        return self._judged(replace(track, mixture=mixture), distance, rejected=rejected)
+        return self._judged(track._replace(mixture=mixture), distance, rejected=rejected)
 
     def _judged(self, track: Track, nis: float, *, rejected: bool) -> Track:
         """Counts a verdict; too many rejections among the last mean that the pose is wrong."""
-        track = replace(track, trust=track.trust.after_sight(nis, rejected=rejected))
+        track = track._replace(trust=track.trust.after_sight(nis, rejected=rejected))
         if track.trust.refusals < self._params.widen_after:
             return track
         return track.alarmed(*self._params.widen_sigma)

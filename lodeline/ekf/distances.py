@@ -6,7 +6,6 @@ it expected when the reading came.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 from lodeline.ekf.belief import Belief
@@ -50,7 +49,7 @@ class Distances:
         """What the filter said after all samples up to this stamp; others are not believed."""
         mark = self._history.newest
         if mark.motion is not None and mark.stamp_ns == stamp_ns:
-            track = replace(mark.belief, mixture=(Hypothesis(1.0, belief.positive()),))
+            track = mark.belief._replace(mixture=(Hypothesis(1.0, belief.positive()),))
             self._history.restart(Mark(stamp_ns, mark.motion, track))
 
     @property

@@ -1,12 +1,11 @@
 """What the localiser answers: the pose, how sure it is, and what is wrong with it."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from lodeline.ekf.belief import Covariance3
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
+class Estimate(NamedTuple):
     """Pose in `map` [m, rad] at `stamp_ns`, covariance of (x, y, yaw) row-major.
 
     `nis` is the squared Mahalanobis distance of the last detection (2 degrees of freedom, 0 before

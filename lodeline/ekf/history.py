@@ -14,7 +14,7 @@ from lodeline.ekf.samples import Fix, Hits, Landmarks, Measurement, Motion, Samp
 B = TypeVar("B")
 
 
-KINDS = (Motion, Hits, Spin, Landmarks, Fix)  # in the order that they take at one stamp
+KINDS = {Motion: 0, Hits: 1, Spin: 2, Landmarks: 3, Fix: 4}  # their order at one stamp
 
 
 class Mark(NamedTuple, Generic[B]):
@@ -72,23 +72,31 @@ class History(Generic[B]):
 
     def add(self, sample: Sample) -> Verdict:
         """Puts a sample in its place and replays what comes after it."""
-        key = (sample.stamp_ns, KINDS.index(type(sample)))
+        keys, nodes, newest = self._keys, self._nodes, self._newest
+        stamp_ns, kind = key = (sample.stamp_ns, KINDS[type(sample)])
         if key <= self._horizon:
             return "late"
-        i = bisect_left(self._keys, key)
-        if i < len(self._keys) and self._keys[i] == key:
+        i = len(keys) if not keys or key > keys[-1] else bisect_left(keys, key)
+        if i < len(keys) and keys[i] == key:
             return "duplicate"
-        if key[1] and self._waiting() >= self.WAITING:
+        if kind and len(nodes) >= self.WAITING and nodes[-self.WAITING].after is None:
             return "full"
-        self._keys.insert(i, key)
         node: Node[B] = Node(sample)
-        self._nodes.insert(i, node)
-        while i > 0 and self._between(self._nodes[i - 1]):  # its way is split anew
+        keys.insert(i, key)
+        nodes.insert(i, node)
+        if kind and newest.motion is None:  # it changes nothing
+            node.after = Mark(stamp_ns, None, newest.belief)
+            self._newest = nodes[-1].after or newest
+            self._crowd_out()
+            return "used"
+        if kind and stamp_ns > newest.stamp_ns:  # nothing is believed there until the next motion
+            self._crowd_out()
+            return "waiting"
+        while i > 0 and self._between(nodes[i - 1]):  # its way is split anew
             i -= 1
         self._replay(i)
-        verdict: Verdict = "waiting" if node.after is None else "used"
         self._settle()
-        return verdict
+        return "waiting" if node.after is None else "used"
 
     @staticmethod
     def _between(node: Node[B]) -> bool:
@@ -98,59 +106,64 @@ class History(Generic[B]):
         motion = node.after.motion if node.after else None
         return motion is None or motion.stamp_ns < node.sample.stamp_ns
 
-    def _waiting(self) -> int:
-        """How many samples no motion has reached; they are the last ones, without a gap."""
-        count = 0
-        while count < len(self._nodes) and self._nodes[-1 - count].after is None:
-            count += 1
-        return count
-
     def _replay(self, i: int) -> None:
-        mark = self._base
+        mark, keys, nodes = self._base, self._keys, self._nodes
         if i > 0:
-            before = self._nodes[i - 1].after
+            before = nodes[i - 1].after
             assert before is not None  # else the replay would have begun before it
             mark = before
-        coming = i
-        for j in range(i, len(self._nodes)):
-            node = self._nodes[j]
-            coming = max(coming, j)
-            while coming < len(self._nodes) and self._keys[coming][1] > 0:
-                coming += 1
-            to = self._nodes[coming].sample if coming < len(self._nodes) else None
-            assert to is None or isinstance(to, Motion)
-            after = self._step(mark, node.sample, to)
-            node.after = after
+        step, count, coming = self._step, len(nodes), -1
+        to: Motion | None = None
+        for j in range(i, count):
+            if coming < j:
+                coming = j
+                while coming < count and keys[coming][1] > 0:
+                    coming += 1
+                sample = nodes[coming].sample if coming < count else None
+                assert sample is None or isinstance(sample, Motion)
+                to = sample
+            node = nodes[j]
+            node.after = after = step(mark, node.sample, to)
             if after is not None:
                 mark = after
         self._newest = mark
 
     def _step(self, mark: Mark[B], sample: Sample, to: Motion | None) -> Mark[B] | None:
         """`to`: the next motion at or after the sample."""
-        before, stamp_ns = mark.motion, sample.stamp_ns
+        from_ns, before, belief = mark
+        stamp_ns = sample.stamp_ns
         if before is None:
             motion = sample if isinstance(sample, Motion) else None
-            return Mark(stamp_ns, motion, mark.belief)
-        belief = mark.belief
-        if stamp_ns > mark.stamp_ns:
+            return Mark(stamp_ns, motion, belief)
+        if stamp_ns > from_ns:
             if to is None:
                 return None
-            way = to.stamp_ns - before.stamp_ns
-            begin = (mark.stamp_ns - before.stamp_ns) / way
-            end = (stamp_ns - before.stamp_ns) / way
+            since = before.stamp_ns
+            way = to.stamp_ns - since
+            begin, end = (from_ns - since) / way, (stamp_ns - since) / way
             belief = self._advance(belief, before, to, begin, end)
         if isinstance(sample, Motion):
             return Mark(stamp_ns, sample, belief)
         return Mark(stamp_ns, before, self._observe(belief, sample))
 
     def _settle(self) -> None:
-        """Drops samples older than the span; what they led to stays as the base."""
+        """What is older than the span comes too late from now on, and is dropped sometime."""
         motion = self._newest.motion
         if motion is None:
             return
         oldest = motion.stamp_ns - self._span_ns
-        count = bisect_left(self._keys, (oldest, 0))
-        count = max(count, len(self._keys) - self.CAPACITY)
+        if self._keys[0][0] < oldest - self._span_ns // 8:
+            self._drop(bisect_left(self._keys, (oldest, 0)))
+        self._crowd_out()
+        self._horizon = max(self._horizon, (oldest, -1))
+
+    def _crowd_out(self) -> None:
+        """Drops the oldest of too many samples."""
+        if len(self._keys) > self.CAPACITY:
+            self._drop(len(self._keys) - self.CAPACITY)
+
+    def _drop(self, count: int) -> None:
+        """Drops the oldest samples but those that wait; what they led to stays as the base."""
         while count > 0 and self._nodes[count - 1].after is None:
             count -= 1
         if count > 0:
@@ -158,5 +171,3 @@ class History(Generic[B]):
             assert base is not None
             self._base, self._horizon = base, self._keys[count - 1]
             del self._keys[:count], self._nodes[:count]
-        # also where nothing was dropped, what is older than the span comes too late
-        self._horizon = max(self._horizon, (oldest, -1))

@@ -1,7 +1,6 @@
 """What a reading of the IMU does to the track: rate of turn, lift, and now and then a heading."""
 
 import math
-from dataclasses import replace
 
 from lodeline.ekf.engine import Engine
 from lodeline.ekf.mixture import Hypothesis
@@ -21,9 +20,10 @@ class Inertial:
 
     def read(self, track: Track, spin: Spin) -> Track:
         """From here on the robot turns as the gyro says; was it lifted? which way is north?"""
-        was_lifted, lift = track.lift.lifted, track.lift.after(spin.tilt, spin.stamp_ns)
-        turning = track.turning.after(spin.rate, spin.stamp_ns)
-        track = replace(track, lift=lift, turning=turning)
+        mixture, pace, turning, bar, before, trust, compass_ns, wide = track
+        was_lifted, lift = before.lifted, before.after(spin.tilt, spin.stamp_ns)
+        turning = turning.after(spin.rate, spin.stamp_ns)
+        track = Track(mixture, pace, turning, bar, lift, trust, compass_ns, wide)
         if lift.lifted and not was_lifted:
             track = track.alarmed(*self._params.widen_sigma)
         return self._headed(track, spin) if self._uses_heading(track, spin) else track
@@ -44,4 +44,4 @@ class Inertial:
                 return track
             after = self._engine.correct_scalar(belief, (0.0, 0.0, 1.0), off, variance)
             headed.append(Hypothesis(weight, after.positive()))
-        return replace(track, mixture=tuple(headed), compass_ns=spin.stamp_ns)
+        return track._replace(mixture=tuple(headed), compass_ns=spin.stamp_ns)

@@ -5,7 +5,6 @@ either engine, after one gate for them all.
 """
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 from lodeline.ekf.belief import Belief
@@ -45,10 +44,10 @@ def sighted(engine: Engine, track: Track, landmark: Sighting | Fix) -> Track:
         children.append(Hypothesis(weight * max(likely, STRAY), after))
     trust = track.trust.after_landmark(nis, rejected=not fits)
     if fits:
-        return replace(track, mixture=reduced(children), trust=trust)
+        return track._replace(mixture=reduced(children), trust=trust)
     if trust.streak > -RECENT:
-        return replace(track, trust=trust)
-    return replace(track, trust=replace(trust, streak=0)).widened(*MISSED_SIGMA)
+        return track._replace(trust=trust)
+    return track._replace(trust=trust._replace(streak=0)).widened(*MISSED_SIGMA)
 
 
 def numbers(belief: Belief, landmark: Sighting | Fix) -> list[Number]:

@@ -1,12 +1,11 @@
 """A robot that is tilted for long was lifted: nobody knows where it is put down."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 TILT, TILT_TIME_NS = 0.17, 300_000_000  # rad and ns: no floor does that, a hand does
 
 
-@dataclass(frozen=True, slots=True)
-class Lift:
+class Lift(NamedTuple):
     """Since when the robot is tilted (None: it is level), and whether that was called a lift."""
 
     since_ns: int | None = None

@@ -9,7 +9,7 @@ from lodeline.ekf.samples import Fix, Hits, Landmarks, Motion, Sighting, Spin
 from lodeline.ekf.state import LocalizerState, Unused
 from lodeline.ekf.track import Track
 from lodeline.ekf.tracker import Tracker
-from lodeline.rotation import Quaternion, Vector, rotate, yaw_of
+from lodeline.rotation import Quaternion, Vector, height, tilt_of, yaw_of
 
 ABSURD = 1e6  # m, rad, s or their squares: beyond it a number is refused
 LATERAL_LIMIT = 1.0  # m: no bar is wider
@@ -115,22 +115,23 @@ class Localizer:
         `heading` of the parameters lets it, and not while the field is `disturbed`. None: nothing
         changed yet.
         """
-        norm = math.fsum(part * part for part in orientation)
-        if (
-            not _sane(*orientation, *angular_velocity, heading_std)
-            or abs(norm - 1.0) > 1e-3
-            or max(map(abs, angular_velocity)) > RATE_LIMIT
-            or heading_std < 0.0
+        x, y, z, w = orientation
+        wx, wy, wz = angular_velocity
+        if not (  # so put that no NaN passes
+            abs(x * x + y * y + z * z + w * w - 1.0) <= 1e-3
+            and -RATE_LIMIT <= wx <= RATE_LIMIT
+            and -RATE_LIMIT <= wy <= RATE_LIMIT
+            and -RATE_LIMIT <= wz <= RATE_LIMIT
+            and 0.0 <= heading_std <= ABSURD
         ):
             self.refused += 1
             return None
-        up = rotate(orientation, (0.0, 0.0, 1.0))[2]
         spin = Spin(
             stamp_ns,
-            rotate(orientation, angular_velocity)[2],
+            height(orientation, angular_velocity),
             yaw_of(orientation),
             math.inf if disturbed else heading_std,
-            math.acos(max(-1.0, min(1.0, up))),
+            tilt_of(orientation),
         )
         return self._answer(self._history.add(spin))
 

@@ -1,10 +1,11 @@
 """Planar motions: the relative pose between two odometry poses, and parts of it."""
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from lodeline.rotation import wrap_angle
+
+STRAIGHT = 1e-12  # rad: a smaller turn bends nothing
 
 
 class Delta(NamedTuple):
@@ -15,8 +16,7 @@ class Delta(NamedTuple):
     turn: float
 
 
-@dataclass(frozen=True, slots=True)
-class Pace:
+class Pace(NamedTuple):
     """How fast the robot went last [m/s, rad/s].
 
     `unmeasured`: it is in the midst of a way that nobody measures.
@@ -34,24 +34,28 @@ def relative(x0: float, y0: float, yaw0: float, x1: float, y1: float, yaw1: floa
     return Delta(c * dx + s * dy, c * dy - s * dx, wrap_angle(yaw1 - yaw0))
 
 
-def part(delta: Delta, begin: float, end: float) -> Delta:
-    """The motion from fraction `begin` to `end` (0 to 1) of a motion at constant twist.
-
-    The twist is the logarithm of `delta` on SE(2), so the parts of a motion compose to it again.
-    """
-    turn = delta.turn
-    if abs(turn) < 1e-12:
-        share = end - begin
-        return Delta(share * delta.ahead, share * delta.left, share * turn)
+def twist(delta: Delta) -> Delta:
+    """The logarithm of a motion on SE(2): what it is per whole of it, in the body frame."""
+    ahead, left, turn = delta
+    if abs(turn) < STRAIGHT:
+        return delta
     # chord = V(turn) twist, with V = [[a, -b], [b, a]]
     a, b = math.sin(turn) / turn, _versine(turn) / turn
     norm = a * a + b * b
-    v_ahead = (a * delta.ahead + b * delta.left) / norm
-    v_left = (a * delta.left - b * delta.ahead) / norm
-    share = turn * (end - begin)
-    sine, versine = math.sin(share) / turn, _versine(share) / turn
-    # the twist is the same in every body frame along the way: no rotation to `begin` is needed
-    return Delta(sine * v_ahead - versine * v_left, versine * v_ahead + sine * v_left, share)
+    return Delta((a * ahead + b * left) / norm, (a * left - b * ahead) / norm, turn)
+
+
+def part(twist: Delta, share: float) -> Delta:
+    """A `share` (0 to 1) of a motion at constant `twist`; such parts compose to the whole again.
+
+    The twist is the same in every body frame along the way, so it matters not where they begin.
+    """
+    ahead, left, turn = twist
+    if abs(turn) < STRAIGHT:
+        return Delta(share * ahead, share * left, share * turn)
+    angle = turn * share
+    sine, versine = math.sin(angle) / turn, _versine(angle) / turn
+    return Delta(sine * ahead - versine * left, versine * ahead + sine * left, angle)
 
 
 def arc(way: float, turn: float) -> Delta:

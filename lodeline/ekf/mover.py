@@ -1,11 +1,12 @@
 """What a motion does to the track: the prediction of the EKF, by wheels and gyro together."""
 
 import math
-from dataclasses import replace
+from typing import NamedTuple
 
 from lodeline.ekf.agreement import doubting
 from lodeline.ekf.engine import Engine, Noise
-from lodeline.ekf.motion import Delta, Pace, arc, part, relative
+from lodeline.ekf.mixture import Hypothesis, Mixture
+from lodeline.ekf.motion import Delta, Pace, arc, part, relative, twist
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.reeds import BarMemory
 from lodeline.ekf.samples import Motion
@@ -15,43 +16,58 @@ from lodeline.ekf.turning import Turn, Turning, fused
 COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as it went
 
 
+class Way(NamedTuple):
+    """From one odometry pose to the next, for all its parts: they take a share of it each.
+
+    `jumped`: nobody measured it. The noise is that of `worst` of the two samples, `interval` is of
+    the one at the end.
+    """
+
+    gap_ns: int
+    seconds: float
+    delta: Delta
+    twist: Delta
+    pace: Pace
+    jumped: bool
+    interval: float
+    worst: Motion
+
+
 class Mover:
     """Pure steps from track to track along the odometry."""
 
     def __init__(self, engine: Engine, params: LocalizerParams) -> None:
         self._engine, self._params = engine, params
+        self._last: tuple[Motion, Motion, Way] | None = None
 
     def advance(
         self, track: Track, before: Motion, after: Motion, begin: float, end: float
     ) -> Track:
         """After the part from `begin` to `end` (fractions) of the motion between two samples."""
-        params, share = self._params, end - begin
-        gap_ns = after.stamp_ns - before.stamp_ns
-        seconds = gap_ns * 1e-9
-        delta = relative(before.x, before.y, before.yaw, after.x, after.y, after.yaw)
-        turning = track.turning
-        gyro = turning.over(
-            before.stamp_ns + begin * gap_ns,
-            seconds * share,
-            params.gyro_noise,
-            params.wander[1],
-        )
-        if after.resets != before.resets or (
-            math.hypot(delta.ahead, delta.left) > params.max_speed * seconds
-        ):
-            track = self.lost(track, seconds * share, share, gyro)
-            return replace(track, pace=replace(track.pace, unmeasured=end < 1.0))
-        pace = Pace(delta.ahead / seconds, delta.turn / seconds)
-        if share < 1.0:
-            delta = part(delta, begin, end)
-        noise = self._noise(before, after, share)
-        if gyro is None:
-            noise = noise._replace(position=noise.position + share * self._bend(pace, seconds))
+        last = self._last
+        if last is not None and last[0] is before and last[1] is after:
+            way = last[2]
         else:
-            turning, delta, noise = self._with_gyro(turning, delta, noise, gyro, seconds * share)
-        way = math.hypot(delta.ahead, delta.left + params.bar_x * delta.turn)
-        bar, predict = track.bar.moved(way, delta.ahead), self._engine.predict
-        return track.moved(lambda belief: predict(belief, delta, noise), pace, turning, bar)
+            way = self._way(before, after)
+            self._last = before, after, way
+        params, share = self._params, end - begin
+        seconds, turning = way.seconds * share, track.turning
+        gyro = turning.over(
+            before.stamp_ns + begin * way.gap_ns, seconds, params.gyro_noise, params.wander[1]
+        )
+        if way.jumped:
+            track = self.lost(track, seconds, share, gyro)
+            return track._replace(pace=track.pace._replace(unmeasured=end < 1.0))
+        delta = part(way.twist, share) if share < 1.0 else way.delta
+        noise = self._noise(way, share)
+        if gyro is None:
+            bend = share * self._bend(way.pace, way.seconds)
+            noise = noise._replace(position=noise.position + bend)
+        else:
+            turning, delta, noise = self._with_gyro(turning, delta, noise, gyro, seconds)
+        ahead, left, turn = delta
+        bar = track.bar.moved(math.hypot(ahead, left + params.bar_x * turn), ahead)
+        return track.moved(self._predicted(track, delta, noise), way.pace, turning, bar)
 
     def lost(
         self,
@@ -76,35 +92,49 @@ class Mover:
             delta = arc(track.pace.v * reach, gyro.angle)
             tt, doubt = gyro.variance, 0.0
         noise = Noise(along * along / share, 0.0, tt, share * position * position, doubt)
+        mixture = self._predicted(track, delta, noise)
+        return track.moved(mixture, track.pace, track.turning, BarMemory())
+
+    def _predicted(self, track: Track, delta: Delta, noise: Noise) -> Mixture:
+        """Every hypothesis after the same step."""
         predict = self._engine.predict
-        return track.moved(
-            lambda belief: predict(belief, delta, noise), track.pace, track.turning, BarMemory()
+        return tuple([Hypothesis(w, predict(belief, delta, noise)) for w, belief in track.mixture])
+
+    def _way(self, before: Motion, after: Motion) -> Way:
+        gap_ns = after.stamp_ns - before.stamp_ns
+        seconds = gap_ns * 1e-9
+        delta = relative(before.x, before.y, before.yaw, after.x, after.y, after.yaw)
+        jumped = after.resets != before.resets or (
+            math.hypot(delta.ahead, delta.left) > self._params.max_speed * seconds
         )
+        pace, worst = Pace(delta.ahead / seconds, delta.turn / seconds), after
+        if after.interval < 0.99 * seconds:
+            # samples in between were lost: it may have come to rest only in the last of them
+            worst = max(after, before, key=lambda each: each.interval * each.twist_covariance[3])
+        return Way(gap_ns, seconds, delta, twist(delta), pace, jumped, after.interval, worst)
 
     def _with_gyro(
         self, turning: Turning, delta: Delta, noise: Noise, turn: Turn, seconds: float
     ) -> tuple[Turning, Delta, Noise]:
         """The step as wheels and gyro see it together; where they differ too much, the gyro."""
-        off = turn.angle - delta.turn
-        agreement = turning.agreement.after(off, noise.tt + turn.variance, seconds)
-        if turning.agreement.doubted or agreement.doubted:
+        before, off = turning.agreement, turn.angle - delta.turn
+        agreement = before.after(off, noise.tt + turn.variance, seconds)
+        if before.doubted or agreement.doubted:
             noise = doubting(noise, off, agreement, seconds, self._params.track)
         delta, noise = fused(delta, noise, turn)
-        return replace(turning, agreement=agreement), delta, noise
+        rate, stamp_ns, spiked, _ = turning
+        return Turning(rate, stamp_ns, spiked, agreement), delta, noise
 
-    def _noise(self, before: Motion, after: Motion, share: float) -> Noise:
+    def _noise(self, way: Way, share: float) -> Noise:
         """Q of the lab in one of its two forms, for a `share` of the way between two samples."""
-        seconds = share * 1e-9 * (after.stamp_ns - before.stamp_ns)
+        seconds = share * 1e-9 * way.gap_ns
         if self._params.process_noise == "alpha":
-            steps = seconds / after.interval if after.interval > 0.0 else 1.0
+            steps = seconds / way.interval if way.interval > 0.0 else 1.0
             position, heading = self._params.alpha_sigma
             return Noise(0.0, 0.0, 0.0, steps * position**2, steps * heading**2)
-        if share * after.interval < 0.99 * seconds:
-            # samples in between were lost: it may have come to rest only in the last of them
-            after = max(after, before, key=lambda each: each.interval * each.twist_covariance[3])
         # white in time: what the twist's covariance is worth over `interval`, for `seconds`
-        vv, vw, _, ww = after.twist_covariance
-        scale = after.interval * seconds
+        vv, vw, _, ww = way.worst.twist_covariance
+        scale = way.worst.interval * seconds
         return Noise(scale * vv, scale * vw, scale * ww)
 
     def _bend(self, pace: Pace, seconds: float) -> float:

@@ -12,7 +12,6 @@ Where a sight has to tell one magnet from the next (`sharp`), shares are too fai
 first reading of a magnet is then worth the passage as a whole, and the others of it nothing.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 UNKNOWN_WAY = 1e3  # m: the bar may have come from anywhere
@@ -46,8 +45,7 @@ class Contact(NamedTuple):
         return Contact(self.lateral, self.since_first + step, self.since_last + way, self.told)
 
 
-@dataclass(frozen=True, slots=True)
-class BarMemory:
+class BarMemory(NamedTuple):
     """The magnets met lately, and what the bar moved since it was read last.
 
     `way` [m] in any direction, `step` the part of it along x, signed.

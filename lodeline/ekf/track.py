@@ -1,10 +1,10 @@
 """All that is believed and remembered at one moment: a part for each that writes it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from lodeline.ekf.belief import Belief
-from lodeline.ekf.lift import Lift
+from lodeline.ekf.lift import LEVEL, Lift
 from lodeline.ekf.mixture import Hypothesis, Mixture
 from lodeline.ekf.motion import Pace
 from lodeline.ekf.reeds import BarMemory
@@ -12,8 +12,7 @@ from lodeline.ekf.trust import Trust
 from lodeline.ekf.turning import Turning
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
+class Track(NamedTuple):
     """Carried from sample to sample, and what a restart needs; a step makes a new one.
 
     `mixture` has one hypothesis while it is clear which magnets were met, the likeliest first
@@ -22,11 +21,11 @@ class Track:
     """
 
     mixture: Mixture
-    pace: Pace = field(default_factory=Pace)
-    turning: Turning = field(default_factory=Turning)
-    bar: BarMemory = field(default_factory=BarMemory)
-    lift: Lift = field(default_factory=Lift)
-    trust: Trust = field(default_factory=Trust)
+    pace: Pace = Pace()
+    turning: Turning = Turning()
+    bar: BarMemory = BarMemory()
+    lift: Lift = LEVEL
+    trust: Trust = Trust()
     compass_ns: int | None = None
     wide: bool = False
 
@@ -40,17 +39,15 @@ class Track:
         """True while it is not clear which magnets were met."""
         return len(self.mixture) > 1
 
-    def moved(
-        self, change: Callable[[Belief], Belief], pace: Pace, turning: Turning, bar: BarMemory
-    ) -> "Track":
-        """After a motion: the same change to every hypothesis, and what moved along with it."""
-        mixture = tuple([Hypothesis(w, change(belief)) for w, belief in self.mixture])
-        return Track(mixture, pace, turning, bar, self.lift, self.trust, self.compass_ns, self.wide)
+    def moved(self, mixture: Mixture, pace: Pace, turning: Turning, bar: BarMemory) -> "Track":
+        """After a motion: the hypotheses, and what moved along with them."""
+        _, _, _, _, lift, trust, compass_ns, wide = self
+        return Track(mixture, pace, turning, bar, lift, trust, compass_ns, wide)
 
     def each(self, change: Callable[[Belief], Belief]) -> "Track":
         """The same change to every hypothesis."""
         mixture = tuple([Hypothesis(w, change(belief)) for w, belief in self.mixture])
-        return replace(self, mixture=mixture)
+        return self._replace(mixture=mixture)
 
     def widened(self, position: float, heading: float) -> "Track":
         """Every hypothesis less sure by these standard deviations [m, rad]."""
@@ -58,5 +55,5 @@ class Track:
 
     def alarmed(self, position: float, heading: float) -> "Track":
         """It was moved or is lost: less sure, and which magnets it met is open again."""
-        bar = replace(self.bar, contacts=())
-        return replace(self.widened(position, heading), bar=bar, trust=self.trust.alarmed())
+        bar = self.bar._replace(contacts=())
+        return self.widened(position, heading)._replace(bar=bar, trust=self.trust.alarmed())

@@ -1,7 +1,5 @@
 """One EKF step after the other: what each kind of sample does to the track."""
 
-from dataclasses import replace
-
 from lodeline.ekf.association import Association
 from lodeline.ekf.bar import Bar
 from lodeline.ekf.belief import Belief, certain
@@ -49,7 +47,8 @@ class Tracker:
 
     def observe(self, track: Track, sample: Measurement) -> Track:
         """After a sample that is no motion."""
-        return self._marked(self._observed(track, sample))
+        after = self._observed(track, sample)
+        return after if after.mixture is track.mixture else self._marked(after)
 
     def _observed(self, track: Track, sample: Measurement) -> Track:
         if isinstance(sample, Hits) and self._params.magnet_model == "none":
@@ -88,4 +87,4 @@ class Tracker:
     def _marked(self, track: Track) -> Track:
         """With `wide` as it is now."""
         wide = self._association.is_astray(track.belief, before=track.wide)
-        return track if wide == track.wide else replace(track, wide=wide)
+        return track if wide == track.wide else track._replace(wide=wide)

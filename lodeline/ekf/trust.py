@@ -1,12 +1,11 @@
 """Whether the measurements still fit: what the gate refused lately, and the alarms it led to."""
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 RECENT = 8  # sights of which too many must not be refused
 
 
-@dataclass(frozen=True, slots=True)
-class Trust:
+class Trust(NamedTuple):
     """`nis` of the last measurement, the number refused so far, and how it went lately."""
 
     nis: float = 0.0
@@ -18,17 +17,17 @@ class Trust:
     def after_sight(self, nis: float, *, rejected: bool) -> "Trust":
         """One sight of a magnet more; one that fits after none was refused is nothing new."""
         if not rejected and not self.recent:
-            return replace(self, nis=nis)
+            return self._replace(nis=nis)
         recent = (self.recent << 1 | rejected) & ((1 << RECENT) - 1)
-        return replace(self, nis=nis, rejected=self.rejected + rejected, recent=recent)
+        return self._replace(nis=nis, rejected=self.rejected + rejected, recent=recent)
 
     def after_landmark(self, nis: float, *, rejected: bool) -> "Trust":
         """One landmark more. They are no lattice: enough of them end every alarm."""
         if rejected:
             streak = min(self.streak, 0) - 1
-            return replace(self, nis=nis, rejected=self.rejected + 1, streak=streak)
+            return self._replace(nis=nis, rejected=self.rejected + 1, streak=streak)
         streak = max(self.streak, 0) + 1
-        return replace(self, nis=nis, streak=streak, alarms=0 if streak >= RECENT else self.alarms)
+        return self._replace(nis=nis, streak=streak, alarms=0 if streak >= RECENT else self.alarms)
 
     @property
     def refusals(self) -> int:
@@ -37,4 +36,4 @@ class Trust:
 
     def alarmed(self) -> "Trust":
         """The robot is not where it was thought to be: begin to count anew."""
-        return replace(self, recent=0, alarms=self.alarms + 1)
+        return self._replace(recent=0, alarms=self.alarms + 1)

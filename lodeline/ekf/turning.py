@@ -1,7 +1,6 @@
 """The turn of a step by gyro and wheels together."""
 
 import math
-from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from lodeline.ekf.agreement import Agreement
@@ -19,8 +18,7 @@ class Turn(NamedTuple):
     variance: float
 
 
-@dataclass(frozen=True, slots=True)
-class Turning:
+class Turning(NamedTuple):
     """The last believed reading of the gyro [rad/s] and its stamp (None: there was none).
 
     `spiked`: the one after it was not believed.
@@ -29,7 +27,7 @@ class Turning:
     rate: float = 0.0
     stamp_ns: int | None = None
     spiked: bool = False
-    agreement: Agreement = field(default_factory=Agreement)
+    agreement: Agreement = Agreement()
 
     def after(self, rate: float, stamp_ns: int) -> "Turning":
         """With one reading more, which is taken unless it is a lone spike."""
@@ -37,8 +35,8 @@ class Turning:
             age_ns = stamp_ns - self.stamp_ns
             jump = abs(rate - self.rate)
             if age_ns <= RATE_LIFE_NS and jump > max(SPIKE, SWING * 1e-9 * age_ns):
-                return replace(self, stamp_ns=stamp_ns, spiked=True)
-        return Turning(rate, stamp_ns, spiked=False, agreement=self.agreement)
+                return self._replace(stamp_ns=stamp_ns, spiked=True)
+        return Turning(rate, stamp_ns, False, self.agreement)
 
     def over(self, begin_ns: float, seconds: float, noise: float, wander: float) -> Turn | None:
         """The turn in the `seconds` from `begin_ns` on; None if nobody measured it.
@@ -60,19 +58,18 @@ def fused(delta: Delta, noise: Noise, turn: Turn) -> tuple[Delta, Noise]:
     The input U = (ds, dtheta) with covariance Q is itself a Gaussian: this is its Kalman update
     by a measurement of dtheta.
     """
-    total = noise.tt + turn.variance
+    ss, st, tt, position, heading = noise
+    ahead, left, wheels = delta
+    angle, variance = turn
+    total = tt + variance
     if total <= 0.0:
         return delta, noise
-    k_s, k_t = noise.st / total, noise.tt / total
-    off = turn.angle - delta.turn
-    half = 0.5 * (delta.turn + k_t * off)
-    way = math.copysign(math.hypot(delta.ahead, delta.left), delta.ahead) + k_s * off
+    k_s, k_t = st / total, tt / total
+    off = angle - wheels
+    half = 0.5 * (wheels + k_t * off)
+    way = math.copysign(math.hypot(ahead, left), ahead) + k_s * off
     return (
         # the chord of an arc points half-way through its turn
         Delta(way * math.cos(half), way * math.sin(half), 2.0 * half),
-        noise._replace(
-            ss=max(0.0, noise.ss - k_s * noise.st),
-            st=noise.st - k_s * noise.tt,
-            tt=noise.tt - k_t * noise.tt,
-        ),
+        Noise(max(0.0, ss - k_s * st), st - k_s * tt, tt - k_t * tt, position, heading),
     )

@@ -191,7 +191,7 @@ def test_a_mixture_outlives_a_restart() -> None:
 def test_a_saved_hypothesis_that_is_broken_is_refused() -> None:
     state = torn_apart().state
     leading, other, *_ = state.track.mixture
-    broken = dataclasses.replace(state.track, mixture=(leading, other._replace(weight=math.nan)))
+    broken = state.track._replace(mixture=(leading, other._replace(weight=math.nan)))
     with pytest.raises(ValueError, match="not finite"):
         Localizer(LocalizerParams()).resume(dataclasses.replace(state, track=broken))
 

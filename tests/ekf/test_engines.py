@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from lodeline.ekf.belief import Belief, certain
 from lodeline.ekf.engine import Detection, Noise
 from lodeline.ekf.engines import make_engine
-from lodeline.ekf.motion import Delta, part, relative
+from lodeline.ekf.motion import Delta, part, relative, twist
 from lodeline.ekf.scalar_engine import ScalarEngine
 
 SCALAR = ScalarEngine()
@@ -174,7 +174,7 @@ def test_the_parts_of_a_motion_make_the_whole(
     cuts = [0.0, *sorted((first, second)), 1.0]
     belief = certain(*POSE)
     for begin, end in pairwise(cuts):
-        belief = SCALAR.predict(belief, part(whole, begin, end), STILL)
+        belief = SCALAR.predict(belief, part(twist(whole), end - begin), STILL)
     at_once = SCALAR.predict(certain(*POSE), whole, STILL)
     assert belief[:2] == pytest.approx(at_once[:2], abs=1e-12)
     assert math.remainder(belief.yaw - at_once.yaw, 2 * math.pi) == pytest.approx(0.0, abs=1e-12)
@@ -182,7 +182,7 @@ def test_the_parts_of_a_motion_make_the_whole(
 
 def test_half_of_an_arc_is_half_an_arc() -> None:
     quarter_circle = Delta(1.0, 1.0, math.pi / 2)
-    half = part(quarter_circle, 0.0, 0.5)
+    half = part(twist(quarter_circle), 0.5)
     assert half == pytest.approx((math.sin(math.pi / 4), 1 - math.cos(math.pi / 4), math.pi / 4))
 
 

@@ -65,7 +65,7 @@ def numbers(localizer: Localizer) -> list[float]:
     assert estimate is not None
     state = asdict(localizer.state)
     del state["unused"]
-    return [*flat(state), *flat(asdict(estimate))]
+    return [*flat(state), *flat(estimate)]
 
 
 def once_each(samples: list[Sample]) -> list[Sample]:
