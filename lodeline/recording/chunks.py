@@ -17,7 +17,7 @@ from mcap.stream_reader import get_chunk_data_stream
 from mcap.summary import Summary
 
 _RECORD = struct.Struct("<BQ")  # opcode, length
-_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time; data follow
+_MESSAGE = struct.Struct("<BQHIQQ")  # these, channel, sequence, log and publish time; data follow
 
 Found = tuple[int, int, int, int, int, int, bytes]
 """Log time [ns], place of the chunk, place in it, channel, sequence, publish time [ns], data."""
@@ -48,15 +48,17 @@ def _of_chunk(
     offset = index.chunk_start_offset
     stream.seek(offset + _RECORD.size)
     unpacked, size = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-    data, place = unpacked.read(size), 0
-    while place < size:
-        opcode, length = _RECORD.unpack_from(data, place)
-        begin = place + _RECORD.size
-        place = begin + length
-        if place > size:
-            raise ValueError(f"a record of {length} bytes at the end of a chunk")
-        if opcode == Opcode.MESSAGE:
-            channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, begin)
-            if channel in channels and log_time >= since:
-                body = data[begin + _MESSAGE.size : place]
-                yield log_time, offset, begin, channel, sequence, publish_time, body
+    data, begin = unpacked.read(size), 0
+    is_message, fits = int(Opcode.MESSAGE), size - _MESSAGE.size
+    while begin < size:
+        place, opcode = begin, data[begin]
+        if opcode == is_message and begin <= fits:
+            _, length, channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, begin)
+            begin += _RECORD.size + length
+            if channel in channels and log_time >= since and begin <= size:
+                body = data[place + _MESSAGE.size : begin]
+                yield log_time, offset, place, channel, sequence, publish_time, body
+        else:
+            begin += _RECORD.size + _RECORD.unpack_from(data, begin)[1]
+        if begin > size:
+            raise ValueError(f"a record of {begin - place} bytes at the end of a chunk")

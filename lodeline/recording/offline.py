@@ -19,7 +19,7 @@ from lodeline.node import Context, Node
 from lodeline.pipeline.model import NodeSpec, Pipeline
 from lodeline.recording import RecordingError
 from lodeline.recording.read import Recording
-from lodeline_msgs import Message, pack
+from lodeline_msgs import Message, packer_of
 
 Listener = Callable[[str, Message, int], None]
 """Key, message, and the log time [ns] of the recorded sample that led to it."""
@@ -127,17 +127,20 @@ class Replay:
         graph = self._graph(run_folder, outcome)
         pending: list[tuple[str, Message]] = []
 
-        def tap(key: str) -> Callable[[Message], None]:
-            name = key.encode()
+        def tap(key: str, cls: type[Message]) -> Callable[[Message], None]:
+            name, count, packed = key.encode(), outcome.traffic[key].count, packer_of(cls)
 
             def sent(message: Message) -> None:
-                digest.update(name + pack(message))
-                pending.append((key, message))
+                update(name + packed(message))
+                count(message.stamp)
+                if listeners:
+                    pending.append((key, message))
 
             return sent
 
-        for key in self.outputs:
-            graph.tap(key, tap(key))
+        update = digest.update
+        for key, cls in self.outputs.items():
+            graph.tap(key, tap(key, cls))
         try:
             told = self.told(recording)
             for key, message, log_time in recording.samples([*self.inputs, *told]):
@@ -145,11 +148,12 @@ class Replay:
                     for listener in listeners:
                         listener(key, message, log_time)
                     continue
-                pending.append((key, message))
+                outcome.traffic[key].count(message.stamp)
                 graph.deliver(key, message)
+                if not listeners:
+                    continue
                 # Listeners are told when the nodes are done: their errors are none of a node's.
-                for each, what in pending:
-                    outcome.traffic[each].count(what.stamp)
+                for each, what in ((key, message), *pending):
                     for listener in listeners:
                         listener(each, what, log_time)
                 pending.clear()

@@ -18,7 +18,7 @@ from lodeline.recording import RecordingError, unreadable
 from lodeline.recording.chunks import messages
 from lodeline.recording.ends import check_ends, way_out
 from lodeline.recording.write import MESSAGE_ENCODING, METADATA
-from lodeline_msgs import MESSAGES, DecodeError, Message, unpack
+from lodeline_msgs import MESSAGES, DecodeError, Message, unpacker_of
 
 RECORD_LIMIT = 64 << 20
 """Longest record [bytes] that is believed; a longer one is a damaged length."""
@@ -124,22 +124,20 @@ class Recording:
                     topics=wanted, starting_at=since
                 )
             )
-        while True:
-            with self._damage():
-                each = next(found, None)
-            if each is None:
-                return
-            log_time, _, _, channel, sequence, publish_time, data = each
-            yield Packed(topics[channel], data, publish_time, sequence, log_time)
+        with self._damage():
+            for log_time, _, _, channel, sequence, publish_time, data in found:
+                yield Packed(topics[channel], data, publish_time, sequence, log_time)
 
     def samples(self, keys: Collection[str] | None = None) -> Iterator[Sample]:
         """Messages as objects, in the same order; RecordingError for one that is malformed."""
-        types = {key: info.type for key, info in self.channels.items()}
+        unpackers = {
+            key: unpacker_of(info.type)
+            for key, info in self.channels.items()
+            if info.type is not None
+        }
         for key, data, _, _, log_time in self.packed(keys):
-            cls = types[key]
-            assert cls is not None  # only known classes are read
             try:
-                message = unpack(data, cls)
+                message = unpackers[key](data)
             except DecodeError as error:
                 raise RecordingError(f"{self.path}: {key} at {log_time} ns: {error}") from None
             yield Sample(key, message, log_time)

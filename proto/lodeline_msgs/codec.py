@@ -66,9 +66,12 @@ def class_of(encoding: str) -> type[Message]:
 
 def pack(message: Message) -> bytes:
     """Bytes of a message; TypeError or OverflowError if a field holds what msgpack cannot."""
-    cls = type(message)
-    packer = _packers.get(cls) or _make_packer(cls)
-    return packer(message)
+    return packer_of(type(message))(message)
+
+
+def packer_of(cls: type[Message]) -> Callable[[Any], bytes]:
+    """What `pack` does for a class, for who packs many."""
+    return _packers.get(cls) or _make_packer(cls)
 
 
 def unpack(data: bytes, cls: type[M]) -> M:
