@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from hashlib import sha256
 from types import FrameType
 from typing import Any
 
@@ -22,8 +23,9 @@ from lodeline.inlet import Inlet
 from lodeline.node import Input, Node, Output
 from lodeline.odometry import Odometry as Wheels
 from lodeline.odometry import OdometryParams
+from lodeline.rotation import IDENTITY
 from lodeline.status import Outlet
-from lodeline_msgs import Odometry, pack
+from lodeline_msgs import Odometry, pack, packer_of, unpacker_of
 
 TOLERANCE = 1.25
 MANY, FEW = 300, 30
@@ -110,8 +112,10 @@ def wheels() -> Callable[[int], object]:
     return lambda number: odometry.update(10_000_000 * (number + 1), number, number)
 
 
-def ekf() -> Callable[[int], object]:
-    """Odometry at 100 Hz with a reading of the reed bar, mostly empty, between every two."""
+def ekf(gyro: bool) -> Callable[[int], object]:
+    """Odometry at 100 Hz, a reading of the reed bar, mostly empty, between every two, and with the
+    gyro two of its readings.
+    """
     localizer = Localizer(LocalizerParams())
     four = (1e-6, 0.0, 0.0, 1e-6)
 
@@ -119,16 +123,41 @@ def ekf() -> Callable[[int], object]:
         stamp = 10_000_000 * (number + 1)
         localizer.odometry(stamp, 1e-4 * number, 0.0, 0.0, four, 0.01, 0)
         localizer.magnets(stamp + 5_000_000, ())
+        for after in (1_000_000, 6_000_000) if gyro else ():
+            spin(localizer, stamp + after)
 
     return take
+
+
+def spin(localizer: Localizer, stamp: int) -> None:
+    localizer.attitude(stamp, IDENTITY, (0.0, 0.0, 0.01), 0.1, disturbed=False)
+
+
+def ekf_without_wheels() -> Callable[[int], object]:
+    """Gyro at 200 Hz and no odometry yet: it cannot be used, however much of it comes."""
+    localizer = Localizer(LocalizerParams())
+    return lambda number: spin(localizer, 5_000_000 * (number + 1))
+
+
+def replayed() -> Callable[[int], object]:
+    """A recorded sample through a node of a replay, with its digest."""
+    node, digest = Pass(OdometryParams()), sha256()
+    graph = Graph({"pass": node}, {"pass": {"odom": "in"}}, {"pass": {"out": "out"}})
+    packed = packer_of(Odometry)
+    graph.tap("out", lambda message: digest.update(b"out" + packed(message)))
+    unpack, data = unpacker_of(Odometry), pack(moved(0))
+    return lambda _: graph.deliver("in", unpack(data))
 
 
 PATHS: dict[str, tuple[Callable[[], Callable[[int], object]], int]] = {
     "a hop between processes": (lambda: hop(True), 820),
     "a hop that nobody listens to": (lambda: hop(False), 750),
     "attitude": (attitude, 1730),
-    "odometry": (wheels, 1110),
-    "ekf": (ekf, 3850),
+    "odometry": (wheels, 770),
+    "ekf": (lambda: ekf(gyro=False), 3400),
+    "ekf with gyro": (lambda: ekf(gyro=True), 7720),
+    "ekf without wheels": (ekf_without_wheels, 420),
+    "a sample of a replay": (replayed, 640),
 }
 """What is guarded, and the steps that a sample takes there with CPython 3.11."""
 
