@@ -28,8 +28,11 @@ def test_latency_of_all_layouts_and_baselines(capsys: pytest.CaptureFixture[str]
         assert 0.0 < cost["p50"] <= cost["p99"] <= cost["p999"] < 1e6
         assert cost["samples"] > 25
         assert cost["cpu"] > 0.0
-        # of one process; of all, less what they share with others of this machine
-        assert min(cost["rss"], cost["pss"]) > 5e6
+        assert 20e6 < cost["rss"] < 45e6  # Python with zenoh, and no numpy
+        # what is shared counts once, within the chain and with others of this machine; but every
+        # stage has 5 MB and more of its own (the guard has less)
+        assert 5e6 * (cost["processes"] - 1) < cost["pss"] < 0.8 * cost["processes"] * cost["rss"]
+    assert costs["together"]["pss"] < costs["raw"]["pss"]
     assert costs["raw"]["processes"] == 7
     assert costs["together"]["processes"] == 4  # supervisor, guard, the chain, the subscriber
     assert costs["calls"]["calls"] < costs["calls"]["p50"]
@@ -49,7 +52,7 @@ def test_throughput_finds_a_rate_and_a_speed(capsys: pytest.CaptureFixture[str])
     words = ("--seconds", "0.5", "--most", "500", "--recording", "2")
     found = bench(capsys, "throughput", *words)
     assert set(found["chain"].values()) <= {0, 500}
-    assert found["record"] in (0, 500)
+    assert 0 < found["record"] <= 510
     assert found["replay"] > 0.0
     assert 1.0 < found["replayed"] < 3.0
 
