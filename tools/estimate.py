@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
-from math import sqrt
+from math import hypot, inf
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +22,14 @@ from lodeline.attitude import METHODS
 from lodeline.attitude.base import Attitude
 from lodeline.recording import RecordingError
 from lodeline.recording.imu_csv import CsvTable, ImuRow, read_imu
-from lodeline.rotation import Vector, to_euler
+from lodeline.rotation import to_euler
 from lodeline.terminal.ending import ended
 
 POSE_COLUMNS = "t_s,qx,qy,qz,qw,roll,pitch,yaw"
 BIAS_COLUMNS = "bias_x,bias_y,bias_z"
 LEAST_GRAVITY, LEAST_FIELD = 3.0, 2e-6  # m/s^2, T: less than this all along is another unit
+MOST_RATE, MOST_FIELD = 36.0, 2e-4  # rad/s, T: more than a chip measures, or than the earth has
+MOST_STEP = 0.25  # s: gyro rows farther apart, all along, are no recording of turns
 
 
 def main(argv: list[str]) -> int:
@@ -101,25 +103,54 @@ def write_estimates(source: Path, estimator: Attitude, target: Path) -> tuple[in
     if target.exists() and source.exists() and target.samefile(source):
         raise RecordingError(f"{target} is the input: give another name")
     rows = 0
-    strongest: list[float] = [0.0, 0.0]
-    fields = 0
+    doubts = Doubts()
     with CsvTable(source) as table, whole_file(target, replace=True) as stream:
         stream.write(f"{header(estimator)}\n".encode())
         for row in estimated(table, estimator):
             stream.write(f"{','.join(cells(row.t, estimator))}\n".encode())
             rows += 1
-            strongest[0] = max(strongest[0], _length(row.linear_acceleration))
-            if row.magnetic_field is not None:
-                fields += 1
-                strongest[1] = max(strongest[1], _length(row.magnetic_field))
+            doubts.see(row)
         if rows == 0:
             raise RecordingError(f"{source}: no rows below the header")
-    doubts = []
-    if strongest[0] < LEAST_GRAVITY:
-        doubts.append(f"no acceleration above {strongest[0]:.2g} m/s^2: is it in g?")
-    if fields and strongest[1] < LEAST_FIELD:
-        doubts.append(f"no field above {strongest[1] * 1e6:.2g} uT: is it in tesla or gauss?")
-    return rows, doubts
+    return rows, doubts.told
+
+
+class Doubts:
+    """Whether readings look like another unit than the one they are taken for."""
+
+    def __init__(self) -> None:
+        self._last: float | None = None
+        self._step = self._least_field = inf
+        self._rate = self._force = self._most_field = 0.0
+
+    def see(self, row: ImuRow) -> None:
+        """Another row: the largest and the smallest of all count."""
+        if self._last is not None and row.t > self._last:
+            self._step = min(self._step, row.t - self._last)
+        self._last = row.t
+        self._rate = max(self._rate, hypot(*row.angular_velocity))
+        self._force = max(self._force, hypot(*row.linear_acceleration))
+        if row.magnetic_field is not None:
+            field = hypot(*row.magnetic_field)
+            self._least_field = min(self._least_field, field)
+            self._most_field = max(self._most_field, field)
+
+    @property
+    def told(self) -> list[str]:
+        """What looks odd, for people."""
+        found = []
+        if MOST_STEP < self._step < inf:
+            found.append(f"no rows less than {self._step:.3g} s apart: is t_s in ms?")
+        if self._rate > MOST_RATE:
+            found.append(f"rates of {self._rate:.0f} rad/s: are they in deg/s?")
+        if self._force < LEAST_GRAVITY:
+            found.append(f"no acceleration above {self._force:.2g} m/s^2: is it in g?")
+        if self._least_field < inf and self._most_field < LEAST_FIELD:
+            most = 1e6 * self._most_field
+            found.append(f"no field above {most:.2g} uT: is it in tesla or gauss?")
+        if MOST_FIELD < self._least_field < inf:
+            found.append(f"no field below {self._least_field * 1e6:.0f} uT: is it in mG or nT?")
+        return found
 
 
 def estimated(table: CsvTable, estimator: Attitude) -> Iterator[ImuRow]:
@@ -151,10 +182,6 @@ def cells(t: float, estimator: Attitude) -> list[str]:
     bias = estimator.gyro_bias if estimator.finds_bias else ()
     numbers = (*q, *to_euler(q), *bias, estimator.heading_std)
     return [repr(t), *(f"{number:.9g}" for number in numbers)]
-
-
-def _length(v: Vector) -> float:
-    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 if __name__ == "__main__":

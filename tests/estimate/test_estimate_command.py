@@ -212,12 +212,21 @@ def test_wrong_parameters_are_told_with_their_place(
     assert "params.yaml:1:6: tau must be above zero" in capsys.readouterr().err
 
 
-def test_readings_in_g_or_tesla_are_doubted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("row", "last", "doubts"),
+    [
+        ("0,0,0,0,0,1,0,2e-5,-4e-5", 0.02, ["is it in g?", "is it in tesla"]),
+        ("0,0,90,0,0,9.81,0,200,-400", 0.02, ["are they in deg/s?", "is it in mG"]),
+        ("0,0,0,0,0,9.81,0,20,-40", 20, ["is t_s in ms?"]),
+        ("0,0,1,0,0,9.81,0,20,-40", 0.02, []),
+    ],
+)
+def test_readings_in_another_unit_are_doubted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], row: str, last: float, doubts: list[str]
 ) -> None:
     file = tmp_path / "in.csv"
-    file.write_text(table(NORTH, "0,0,0,0,0,0,1,0,2e-5,-4e-5"))
+    file.write_text(table(NORTH, f"0,{row}", f"{last},{row}"))
     assert run(file)[0] == 0
     said = capsys.readouterr().err
-    assert "is it in g?" in said
-    assert "is it in tesla" in said
+    assert said.count("?") == len(doubts)
+    assert all(doubt in said for doubt in doubts)
