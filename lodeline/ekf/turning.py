@@ -7,7 +7,7 @@ from lodeline.ekf.agreement import Agreement
 from lodeline.ekf.engine import Noise
 from lodeline.ekf.motion import Delta
 
-RATE_LIFE_NS = 100_000_000  # after it a reading of the gyro is no reading of the present
+RATE_LIFE_NS = 50_000_000  # after it a reading of the gyro is no reading of the present
 SWING, SPIKE = 100.0, 0.5  # rad/s^2 and rad/s: no robot changes its turn faster than by this
 
 
