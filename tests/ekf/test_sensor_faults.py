@@ -30,7 +30,7 @@ class Robot:
         self._rng, self._range = Random(seed), gyro_range
         self.attitude, self.localizer = Soft(), Localizer(PARAMS)
         self._odometry, self._ways, self.yaw, self.i = Odometry(WHEELS), [0.0, 0.0], 0.0, 0
-        self._last_s = 0.0
+        self._last_s = self._rate = 0.0
         self.strength = 1.0
 
     def go(self, rate: float) -> None:
@@ -63,6 +63,7 @@ class Robot:
             self.localizer.odometry(
                 out.stamp_ns, *pose, out.twist_covariance, out.interval, out.resets
             )
+        self._rate = rate
         self.yaw += 0.005 * rate
         for side, sign in enumerate((-1.0, 1.0)):
             self._ways[side] += sign * 0.5 * WHEELS.drive.track * 0.005 * rate
@@ -73,12 +74,9 @@ class Robot:
         estimate = self.localizer.estimate
         assert estimate is not None
         behind = self.i - estimate.stamp_ns / (5 * MS)
-        true = self.yaw - 0.005 * behind * self._rate()
+        true = self.yaw - 0.005 * behind * self._rate
         off = abs(math.remainder(estimate.yaw - true, 2 * math.pi))
         return off, math.sqrt(estimate.covariance[8])
-
-    def _rate(self) -> float:
-        return self.attitude.state.rate[2]
 
 
 def test_a_field_five_times_too_strong_for_6_s_costs_less_than_2_degrees() -> None:
