@@ -255,6 +255,10 @@ class Gateway(Session):
     """
 
     def __init__(self, run_folder: Path, link: Link) -> None:
+        from lodeline.hosts.patience import Impatience
+
+        self._impatience = Impatience()
+        self._impatience.start()
         super().__init__(
             {
                 "mode": "router",
@@ -275,6 +279,10 @@ class Gateway(Session):
                 **link.settings,
             }
         )
+
+    def close(self, timeout: float = 1.0) -> None:
+        self._impatience.close()
+        super().close(timeout)
 
 
 class Client(Session):

@@ -161,17 +161,10 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                 overhear_links(refusals.take)
             with several_threads() if link.ends else nullcontext():
                 hub = Hub(run.path)
-            gateways = [Gateway(run.path, link)] if link.ends else []
-
-            def reopen() -> None:
-                """A line that is up but deaf in one direction."""
-                if link.connect:
-                    gateways.pop().close(timeout=1.0)
-                    gateways.append(Gateway(run.path, link))
-
+            gateway = Gateway(run.path, link) if link.ends else None
             others = tuple(each for each in pipeline.hosts if link.ends and each != host)
             share = share_of(pipeline, hosts, manifest.host, shown(link.listen))
-            neighbours = Neighbours(hub, share, others, console.event, HostClock(own), reopen)
+            neighbours = Neighbours(hub, share, others, console.event, HostClock(own))
             try:
                 if link.ends and (why := neighbours.rival()):
                     raise LinkError(why)
@@ -213,7 +206,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             finally:
                 book.close()
                 neighbours.close()
-                for gateway in gateways:
+                if gateway is not None:
                     gateway.close(timeout=1.0)
                 hub.close(timeout=1.0)
         finally:

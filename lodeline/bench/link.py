@@ -75,10 +75,11 @@ class Bench:
         time.sleep(seconds)
         ended = time.monotonic()
         end()
+        restored = time.monotonic()
         back = None
         if cut:
-            self.await_samples(ended)
-            back = self.laptop.after(ended)
+            self.await_samples(restored)
+            back = self.laptop.after(restored)
         time.sleep(SETTLE_S)
         over = time.monotonic()
         zombies = max(0, self.pair.robot.sockets() - 1)
@@ -146,6 +147,9 @@ FAULTS: dict[str, Callable[[Bench], Row]] = {
     **{f"cut{seconds:g}": partial(_cut, seconds=seconds) for seconds in CUTS},
     "loss": lambda bench: bench.cable("5 % loss", 8.0, Fault(delay=0.002, loss=0.05)),
     "jitter": lambda bench: bench.cable("20 +- 15 ms", 8.0, Fault(delay=0.020, jitter=0.015)),
+    "both": lambda bench: bench.cable(
+        "20 +- 15 ms, 5 % loss", 8.0, Fault(delay=0.020, jitter=0.015, loss=0.05)
+    ),
     "slow": lambda bench: bench.cable("256 kbit/s", 8.0, Fault(rate=256e3)),
     "stop": lambda bench: bench.stopped(10.0),
     "half-open": lambda bench: bench.half_open(5.0),
@@ -159,9 +163,10 @@ def main(argv: list[str]) -> int:
         print(f"no network namespaces here: {why}", file=sys.stderr)
         return EXIT_FAILED
     sys.setswitchinterval(1e-4)  # the cable and the ears share this process
-    with Pair() as pair:
+    with Pair(arguments.tls) as pair:
         bench = Bench(pair)
-        rows = [FAULTS[name](bench) for name in arguments.fault or FAULTS]
+        wanted = [name for name in arguments.fault or FAULTS for _ in range(arguments.times)]
+        rows = [FAULTS[name](bench) for name in wanted]
         slow, fast = bench.slow_reader(5.0)
         bench.close()
     if arguments.json:
@@ -180,6 +185,8 @@ def parser() -> argparse.ArgumentParser:
     """What `lodeline bench link` takes."""
     parser = argparse.ArgumentParser(prog="lodeline bench link", description=__doc__)
     parser.add_argument("fault", nargs="*", choices=[[], *FAULTS], help="only these faults")
+    parser.add_argument("--tls", action="store_true", help="over mutual TLS")
+    parser.add_argument("--times", type=int, default=1, help="each so often (default: 1)")
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     return parser
 

@@ -145,20 +145,32 @@ class Side:
             self.process.wait(PATIENCE_S)
 
 
-class Pair:
-    """`with Pair() as pair:` robot and laptop up and linked; `pair.cable.fault` spoils the link."""
+def make_keys(folder: Path, address: str) -> None:
+    """An authority, and keys for the robot at an address and for its laptop."""
+    from lodeline.hosts import certificates
 
-    def __init__(self, more: str = "") -> None:
+    certificates.init(folder)
+    certificates.add(folder, "robot", [address])
+    certificates.add(folder, "laptop")
+
+
+class Pair:
+    """`with Pair() as pair:` robot and laptop up and linked; `pair.cable.fault` spoils the link,
+    which is mutual TLS if it is `secured`.
+    """
+
+    def __init__(self, secured: bool = False) -> None:
         self._temporary = tempfile.TemporaryDirectory(prefix="ll", ignore_cleanup_errors=True)
         self._sides: list[Side] = []
         folder = Path(self._temporary.name)
         robot, laptop = self._machines = (Machine(), Machine())
         self.cable = Cable(robot, laptop)
-        file = folder / "pipeline.yaml"
+        file, address = folder / "pipeline.yaml", self.cable.addresses[0]
+        if secured:
+            make_keys(folder / "keys", address)
+        more = "tls: keys" if secured else ""
         file.write_text(
-            PIPELINE.format(
-                name="rover", address=self.cable.addresses[0], nodes=shipped("nodes"), more=more
-            )
+            PIPELINE.format(name="rover", address=address, nodes=shipped("nodes"), more=more)
         )
         try:
             self.robot, self.laptop = (

@@ -31,7 +31,7 @@ def _measure(watch: Watch) -> dict[str, dict[str, float]]:
         sent = time.time_ns()
         for host, answer in watch.ask("@clock", "/*").items():
             now = time.monotonic_ns()
-            found = measured(sent, int(answer["now"]), time.time_ns(), now)
+            found = measured(sent, int(answer), time.time_ns(), now)
             offsets[host] = better(offsets.get(host), found, now)
     now = time.monotonic_ns()
     return {

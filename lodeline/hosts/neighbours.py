@@ -20,8 +20,6 @@ ASK_S = 1.0
 ASK_AGAIN_S = 0.05
 PING_S = 2.0
 PINGS = 4
-DEAF_PINGS = 3 * PINGS
-"""So often may another host say that it does not see us before the line is opened anew."""
 
 
 class Bus(Protocol):
@@ -46,15 +44,13 @@ class Neighbour:
     share: Share | None = None
     faults: list[str] = field(default_factory=list)
     offset: Offset | None = None
-    deaf: int = 0
 
 
 class Neighbours:
     """Follows the claims on a pipeline's name; `event(text)` tells what is worth a log line.
 
     `others` are the hosts that the pipeline file names besides this one; `clock` is what other
-    hosts get when they ask for the time here. `on_deaf()` is called when a host that we see goes
-    on saying that it does not see us: such a line is up, but brings nothing one way.
+    hosts get when they ask for the time here.
     """
 
     def __init__(
@@ -64,11 +60,9 @@ class Neighbours:
         others: tuple[str, ...],
         event: Callable[[str], None],
         clock: HostClock,
-        on_deaf: Callable[[], None] = lambda: None,
     ) -> None:
         self._bus = bus
         self._clock = clock
-        self._on_deaf = on_deaf
         self.on_offset: Callable[[str, Offset], None] = lambda _host, _offset: None
         self._share = share
         self._event = event
@@ -115,11 +109,8 @@ class Neighbours:
         return f"{share.name}/@clock/{share.host}/{share.run}"
 
     def _time(self) -> bytes:
-        """Our time, and whose claims we see."""
-        now = self._clock.now()
-        with self._lock:
-            sees = [item.share.run for item in self._known.values() if item.there and item.share]
-        return json.dumps({"now": now, "sees": sees}).encode()
+        """Our time."""
+        return json.dumps(self._clock.now()).encode()
 
     def _on_claim(self, key: str, there: bool) -> None:
         host, run = claimed(key)
@@ -157,10 +148,6 @@ class Neighbours:
                     break
             if neighbour.offset is not None:
                 self.on_offset(neighbour.host, neighbour.offset)
-            if neighbour.deaf >= DEAF_PINGS:
-                neighbour.deaf = 0
-                self._event(f"LINK_DEAF {neighbour.host} does not see us: opening it anew")
-                self._on_deaf()
 
     def _ping(self, neighbour: Neighbour) -> bool:
         """One question for the time; whether it was answered."""
@@ -170,9 +157,7 @@ class Neighbours:
         received, now = self._clock.now(), time.monotonic_ns()
         if not answers:
             return False
-        answer = json.loads(answers[0][1])
-        neighbour.deaf = 0 if self._share.run in answer["sees"] else neighbour.deaf + 1
-        found = measured(sent, int(answer["now"]), received, now)
+        found = measured(sent, int(json.loads(answers[0][1])), received, now)
         neighbour.offset = better(neighbour.offset, found, now)
         return True
 

@@ -14,7 +14,7 @@ from lodeline.bench.machines import missing
 from lodeline.bench.pair import Pair
 
 RATE = 200.0  # Hz, of the samples listened to
-BACK_S = 4.0  # what TCP's own tries may take; mostly it is less than 1 s
+BACK_S = 2.0
 STALE_S = 0.25
 
 
@@ -65,22 +65,22 @@ def test_after_a_cut_fresh_samples_come_for_good_and_no_old_ones(bench: Bench) -
 
 
 @pytest.mark.parametrize(
-    ("fault", "share", "hole"),
+    ("fault", "share"),
     [
-        (Fault(delay=0.002, loss=0.05), 0.9, 0.5),
+        (Fault(delay=0.002, loss=0.05), 0.9),
         # Frames that overtake each other look like more loss: then some samples find no room.
-        (Fault(delay=0.020, jitter=0.015, loss=0.05), 0.5, 1.0),
+        (Fault(delay=0.020, jitter=0.015, loss=0.05), 0.8),
     ],
     ids=["loss", "loss and jitter"],
 )
 def test_five_percent_loss_costs_age_and_few_samples(
-    bench: Bench, fault: Fault, share: float, hole: float
+    bench: Bench, fault: Fault, share: float
 ) -> None:
     row = bench.cable("5 % loss", 3.0, fault)
     robot_did_not_notice(row, 3.0)
     assert row.laptop.received > share * (row.laptop.received + row.laptop.lost)
-    assert row.laptop.silence < row.during.silence + hole
-    assert row.laptop.p99 <= hole
+    assert row.laptop.silence < row.during.silence + 0.5
+    assert row.laptop.p99 <= 0.5
 
 
 def test_a_slow_link_drops_samples_and_keeps_young_ones(bench: Bench) -> None:
@@ -88,7 +88,7 @@ def test_a_slow_link_drops_samples_and_keeps_young_ones(bench: Bench) -> None:
     robot_did_not_notice(row, 4.0)
     assert row.laptop.lost > 100
     assert row.laptop.silence < row.during.silence + 0.5
-    assert row.laptop.p99 <= 0.5
+    assert row.laptop.p99 <= 0.5 + row.during.silence  # what the robot itself held back is not it
 
 
 def test_a_stopped_laptop_stops_nothing_on_the_robot(bench: Bench) -> None:
@@ -112,7 +112,7 @@ def test_a_slow_reader_has_young_samples_and_its_neighbour_all(bench: Bench) -> 
 def test_a_laptop_that_died_unseen_is_given_up_and_let_in_again(bench: Bench) -> None:
     row = bench.half_open(4.0)
     robot_did_not_notice(row, 4.0)
-    assert row.back is not None and row.back <= BACK_S  # with its start
+    assert row.back is not None and row.back <= BACK_S
     assert row.zombies == 0
     link_carries(bench, time.monotonic() - 1.0)
     assert bench.pair.robot.log().count("LINK_LOST laptop") >= 2

@@ -1,0 +1,63 @@
+"""How long TCP waits on the link between hosts: no longer than zenoh does.
+
+zenoh gives a silent link up after its lease, but waits with its end until the kernel has taken
+what it was sending. On a cut link with full buffers TCP tries for minutes, at ever longer
+intervals; until the next of them fails the old link is half dead, and the new one deaf.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+from pathlib import Path
+
+LINK_MS = 3000
+"""Data that nobody confirms for so long end a link: zenoh's lease."""
+OPENING_MS = 1500
+"""A new link that nobody answers is given up and tried again, so that tries stay 1 s apart."""
+LOOK_S = 0.2
+_TCP_SYN_SENT = 2
+
+
+class Impatience(threading.Thread):
+    """Sets the patience of all TCP connections of this process, until `close`."""
+
+    def __init__(self) -> None:
+        super().__init__(name="impatience", daemon=True)
+        self._over = threading.Event()
+
+    def run(self) -> None:
+        while not self._over.wait(LOOK_S):
+            for fd in _sockets():
+                _limit(fd)
+
+    def close(self) -> None:
+        """Leave those that come later as they are."""
+        self._over.set()
+        self.join()
+
+
+def _sockets() -> list[int]:
+    links = ((link.name, _target(link)) for link in Path("/proc/self/fd").iterdir())
+    return [int(name) for name, target in links if target.startswith("socket:")]
+
+
+def _target(link: Path) -> str:
+    try:
+        return str(link.readlink())
+    except OSError:
+        return ""  # closed meanwhile
+
+
+def _limit(fd: int) -> None:
+    """By a descriptor of our own: the other may be closed at any time."""
+    try:
+        with socket.socket(fileno=os.dup(fd)) as end:
+            if end.family == socket.AF_UNIX or end.type != socket.SOCK_STREAM:
+                return
+            state = end.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0]
+            patience = OPENING_MS if state == _TCP_SYN_SENT else LINK_MS
+            end.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, patience)
+    except OSError:
+        return
