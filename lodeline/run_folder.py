@@ -56,7 +56,7 @@ class Reader:
 
 @dataclass(frozen=True, slots=True)
 class Manifest:
-    """What runs in a run folder. `started` [s] is UNIX time.
+    """What runs in a run folder. `started` [s] is UNIX time, `overrides` are those of the pipeline.
 
     `nodes` gives each node of the whole pipeline its process, `places` its host; only those on
     `hosts` run here. `readers` are the nodes of all hosts that read a key, by key; `withheld` the
@@ -75,6 +75,7 @@ class Manifest:
     readers: dict[str, tuple[Reader, ...]] = field(default_factory=dict)
     places: dict[str, str] = field(default_factory=dict)
     withheld: tuple[str, ...] = ()
+    overrides: tuple[str, ...] = ()
 
     @property
     def host(self) -> str:
@@ -218,6 +219,7 @@ def _manifests(base: Path) -> Iterator[Running]:
             values["keys"] = {key: Key(**known) for key, known in values["keys"].items()}
             values["hosts"] = tuple(values["hosts"])
             values["withheld"] = tuple(values["withheld"])
+            values["overrides"] = tuple(values["overrides"])
             values["readers"] = {
                 key: tuple(Reader(**reader) for reader in readers)
                 for key, readers in values["readers"].items()

@@ -209,7 +209,7 @@ def _record(args: argparse.Namespace) -> int:
                 "digest": manifest.digest,
                 "clock": manifest.clock,
                 "source": f"live on {manifest.host}",
-                **noted(load_unchanged(manifest.file, manifest.digest)),
+                **noted(load_unchanged(manifest.file, manifest.digest, manifest.overrides)),
             },
             replace=args.force,
         )

@@ -239,6 +239,7 @@ def _manifest(pipeline: Pipeline, hosts: Sequence[str], withheld: Sequence[str])
         places={spec.name: spec.host for spec in pipeline.nodes},
         readers=readers,
         withheld=tuple(withheld),
+        overrides=pipeline.overrides,
     )
 
 

@@ -32,7 +32,8 @@ class Run:
 
     def __init__(self, target: Running) -> None:
         self.manifest: Manifest = target.manifest
-        pipeline = load_unchanged(target.manifest.file, target.manifest.digest)
+        runs = target.manifest
+        pipeline = load_unchanged(runs.file, runs.digest, runs.overrides)
         self.scene: dict[str, Any] = scene(self.manifest, pipeline)
         self.newest = Newest(self.manifest, self.scene["floor"]["bar_x"])
         self.tail = Tail()

@@ -48,10 +48,10 @@ def find(name_or_path: str | None) -> Path:
     raise PipelineError([Fault(name_or_path, 0, 0, text)])
 
 
-def load_unchanged(file: str, digest: str) -> Pipeline | None:
-    """The pipeline file behind what runs, unless it was changed or overridden since."""
+def load_unchanged(file: str, digest: str, overrides: Sequence[str]) -> Pipeline | None:
+    """The pipeline behind what runs, unless its file was changed since."""
     try:
-        pipeline = load(Path(file))
+        pipeline = load(Path(file), overrides)
     except (PipelineError, OSError):
         return None
     return pipeline if pipeline.digest == digest else None
@@ -101,6 +101,7 @@ def load(file: Path, overrides: Sequence[str] = ()) -> Pipeline:
         warnings=draft.warnings,
         tls=None if draft.tls is None else file.resolve().parent / draft.tls,
         link_rate={f"{draft.name}/{key}": rate for key, rate in draft.link_rate.items()},
+        overrides=tuple(overrides),
     )
 
 

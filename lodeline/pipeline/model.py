@@ -71,7 +71,8 @@ class Pipeline:
     `external` the keys that come from outside the file, `clock` what ages are measured by: the
     host's time, or the newest stamp seen when the samples come from a recording. `tls` is the
     folder of the hosts' keys, `link_rate` the most samples a second [Hz] of a key that the link
-    carries. `warnings` is what is not wrong, but not wise.
+    carries. `warnings` is what is not wrong, but not wise, `overrides` what replaced parameters of
+    the file, as NODE.PARAM=VALUE.
     """
 
     name: str
@@ -84,6 +85,7 @@ class Pipeline:
     warnings: tuple[str, ...] = ()
     tls: Path | None = None
     link_rate: Mapping[str, float] = field(default_factory=dict)
+    overrides: tuple[str, ...] = ()
 
     def node(self, name: str) -> NodeSpec:
         """The node of that name; KeyError if there is none."""

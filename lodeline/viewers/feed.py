@@ -48,7 +48,8 @@ def feed(name: str, canvas: Canvas, seconds: float | None, interrupted: threadin
 
 def _show(target: Running, canvas: Canvas, over: Callable[[], bool]) -> None:
     manifest = target.manifest
-    params = params_of(load_unchanged(manifest.file, manifest.digest)) or LocalizerParams()
+    runs = load_unchanged(manifest.file, manifest.digest, manifest.overrides)
+    params = params_of(runs) or LocalizerParams()
     types = {key: known.type for key, known in target.keys().items() if known.type in DRAWN}
     drawing, lock = Drawing(canvas, params, types), threading.Lock()
     prefix = f"{manifest.name}/"

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from lodeline.bus import Client
-from lodeline.recording import RecordingError
+from lodeline.recording import RecordingError, localizer
 from lodeline.recording.live import record_live
 from lodeline.recording.read import Recording
 from lodeline.recording.record import Recorder, default_name
@@ -169,7 +169,7 @@ def test_a_disk_without_room_to_begin_with_is_refused(small_disk: Callable[[int]
 
 @pytest.fixture(scope="module")
 def up() -> Iterator[Up]:
-    with Up(ROOT / "pipeline.yaml") as running:
+    with Up(ROOT / "pipeline.yaml", "--set", "ekf.gate=9.3") as running:
         yield running
 
 
@@ -211,6 +211,10 @@ def test_what_is_recorded_can_be_computed_again(up: Up, tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
     done = up.call("bag", "record", "-o", str(file), "--seconds", "1")
     assert done.returncode == 0, done.stderr
+    with Recording(file) as recording:
+        noted = localizer.read(recording.metadata)
+    assert noted is not None
+    assert noted.gate == 9.3  # as it ran, not as the file has it
     result = lodeline("replay", str(file), "--pipeline", str(ROOT / "pipeline.yaml"), run=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "pose" in result.stdout

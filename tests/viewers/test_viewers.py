@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from websockets import Subprotocol
 from websockets.sync.client import ClientConnection, connect
 
 from lodeline.rotation import to_euler
@@ -117,7 +118,8 @@ class Foxglove:
     """A client of Foxglove's WebSocket protocol, version 1."""
 
     def __init__(self, url: str) -> None:
-        self._connecting = connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None)  # type: ignore[list-item]
+        known = [Subprotocol("foxglove.sdk.v1")]
+        self._connecting = connect(url, subprotocols=known, max_size=None, close_timeout=1.0)
         self.socket: ClientConnection = self._connecting.__enter__()
         self.channels: dict[int, dict[str, Any]] = {}
         self.got: dict[str, list[tuple[int, bytes]]] = {}
