@@ -6,6 +6,7 @@ replays in the order of stamps; each step is one of the `tracker`, from `track` 
 * motion: `mover` predicts along the odometry, with the gyro (`turning`, `agreement`);
 * measurement: `bar` (what `reeds` tell), `inertial`, `landmarks`;
 * association: which magnet a sight belongs to; the `mixture` while that is not clear;
+* `learned`, `learning`: constants of the robot as further states, where they are asked for;
 * history: late samples are put in their place.
 
 The equations stand in the engines; `belief` is what they work on.

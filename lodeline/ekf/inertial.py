@@ -20,10 +20,10 @@ class Inertial:
 
     def read(self, track: Track, spin: Spin) -> Track:
         """From here on the robot turns as the gyro says; was it lifted? which way is north?"""
-        mixture, pace, turning, bar, before, trust, compass_ns, wide = track
+        mixture, pace, turning, bar, before, trust, compass_ns, wide, learned = track
         was_lifted, lift = before.lifted, before.after(spin.tilt, spin.stamp_ns)
         turning = turning.after(spin.rate, spin.stamp_ns)
-        track = Track(mixture, pace, turning, bar, lift, trust, compass_ns, wide)
+        track = Track(mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned)
         if lift.lifted and not was_lifted:
             track = track.alarmed(*self._params.widen_sigma)
         return self._headed(track, spin) if self._uses_heading(track, spin) else track

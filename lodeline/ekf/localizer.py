@@ -4,6 +4,7 @@ import math
 
 from lodeline.ekf.estimate import Estimate
 from lodeline.ekf.history import History, Mark, Verdict
+from lodeline.ekf.learning import LearningTracker
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.samples import Fix, Hits, Landmarks, Motion, Sighting, Spin
 from lodeline.ekf.state import LocalizerState, Unused
@@ -26,7 +27,7 @@ class Localizer:
 
     def __init__(self, params: LocalizerParams) -> None:
         self._params = params
-        self._tracker = tracker = Tracker(params)
+        self._tracker = tracker = LearningTracker(params) if params.learns else Tracker(params)
         self._span_ns = round(params.history * 1e9)
         self._history: History[Track] = History(
             self._span_ns, Mark(0, None, tracker.start()), tracker.advance, tracker.observe
@@ -171,6 +172,8 @@ class Localizer:
         ValueError, with nothing changed, for a state that no localiser saved.
         """
         track = state.checked().track.widened(*widen)
+        if self._params.learns != (track.learned is not None):
+            track = track._replace(learned=self._tracker.start().learned)
         self._history.restart(Mark(state.stamp_ns, state.odometry, track))
         unused = state.unused
         self.late, self.duplicates, self.refused = unused.late, unused.duplicates, unused.refused

@@ -32,7 +32,9 @@ class LocalizerParams:
     is the distance of the wheels, by which a turn that only they see becomes a doubt about the
     way. `heading: on` takes the compass too: its error stays the same for long, so one reading is
     used per `heading_interval`, with `heading_sigma` more than it says of itself.
-    Raises ValueError for a parameter that makes no sense.
+    `wheel_sigma`, above zero, lets it learn by how much wheels and track differ from what the
+    odometry is told: how far way and turn may be off, as shares of themselves; `gyro_bias_sigma`
+    likewise the bias of the gyro. Raises ValueError for a parameter that makes no sense.
     """
 
     engine: EngineName = "scalar"
@@ -55,6 +57,8 @@ class LocalizerParams:
     sure: Annotated[float, "1"] = 0.98
     wander: Annotated[tuple[float, float], "m/s^1.5, rad/s^1.5"] = (0.1, 1.0)
     gyro_noise: Annotated[float, "rad/s^0.5"] = 0.002
+    wheel_sigma: Annotated[tuple[float, float], "1, 1"] = (0.0, 0.0)
+    gyro_bias_sigma: Annotated[float, "rad/s"] = 0.0
     heading: Literal["off", "on"] = "off"
     heading_sigma: Annotated[float, "rad"] = 0.05
     heading_interval: Annotated[float, "s"] = 10.0
@@ -67,11 +71,14 @@ class LocalizerParams:
         for name in (*positive, "widen_after", "max_speed", "history", "heading_interval", "track"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive, not {getattr(self, name)}")
-        for name in ("initial_sigma", "alpha_sigma", "reset_sigma", "wander"):
+        for name in ("initial_sigma", "alpha_sigma", "reset_sigma", "wander", "wheel_sigma"):
             if min(getattr(self, name)) < 0.0:
                 raise ValueError(f"{name} must not be negative, as {getattr(self, name)} is")
-        if min(self.gyro_noise, self.heading_sigma) < 0.0:
-            raise ValueError("gyro_noise and heading_sigma must not be negative")
+        for name in ("gyro_noise", "heading_sigma", "gyro_bias_sigma"):
+            if getattr(self, name) < 0.0:
+                raise ValueError(f"{name} must not be negative, as {getattr(self, name)} is")
+        if max(*self.wheel_sigma, self.gyro_bias_sigma) > 0.3:
+            raise ValueError("wheel_sigma and gyro_bias_sigma are at most 0.3: calibrate first")
         if not min(self.widen_sigma) > 0.0:
             # without it a robot that lost its way would reject every magnet for ever
             raise ValueError(f"widen_sigma must be positive, not {self.widen_sigma}")
@@ -79,6 +86,11 @@ class LocalizerParams:
             raise ValueError(f"sure must be a probability of at least 0.5, not {self.sure}")
         if self.bar_error >= 0.5 * self.lattice_pitch:
             raise ValueError("passage and lateral_sigma must be small against lattice_pitch")
+
+    @property
+    def learns(self) -> bool:
+        """True if constants of the robot are to be learned on the way."""
+        return max(*self.wheel_sigma, self.gyro_bias_sigma) > 0.0
 
     @property
     def cell(self) -> float:

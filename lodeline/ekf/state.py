@@ -34,6 +34,8 @@ class LocalizerState:
             raise ValueError("the saved odometry has a number in it that is not finite")
         if not mixture or not all(0.0 < w <= 1.0 and belief.finite for w, belief in mixture):
             raise ValueError("the saved state has a number in it that is not finite")
+        if not all(map(isfinite, _numbers(self.track.learned or ()))):
+            raise ValueError("what was learned has a number in it that is not finite")
         return replace(self, track=self.track.each(lambda belief: belief.positive()))
 
 

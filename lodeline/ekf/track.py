@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from lodeline.ekf.belief import Belief
+from lodeline.ekf.learned import Learned
 from lodeline.ekf.lift import LEVEL, Lift
 from lodeline.ekf.mixture import Hypothesis, Mixture
 from lodeline.ekf.motion import Pace
@@ -18,6 +19,7 @@ class Track(NamedTuple):
     `mixture` has one hypothesis while it is clear which magnets were met, the likeliest first
     while it is not. `compass_ns` is when a heading was used last (None: never).
     `wide` remembers that the pose was in doubt: that ends at a lower level than it begins.
+    `learned` are constants of the robot, if any are to be learned.
     """
 
     mixture: Mixture
@@ -28,6 +30,7 @@ class Track(NamedTuple):
     trust: Trust = Trust()
     compass_ns: int | None = None
     wide: bool = False
+    learned: Learned | None = None
 
     @property
     def belief(self) -> Belief:
@@ -41,8 +44,8 @@ class Track(NamedTuple):
 
     def moved(self, mixture: Mixture, pace: Pace, turning: Turning, bar: BarMemory) -> "Track":
         """After a motion: the hypotheses, and what moved along with them."""
-        _, _, _, _, lift, trust, compass_ns, wide = self
-        return Track(mixture, pace, turning, bar, lift, trust, compass_ns, wide)
+        _, _, _, _, lift, trust, compass_ns, wide, learned = self
+        return Track(mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned)
 
     def each(self, change: Callable[[Belief], Belief]) -> "Track":
         """The same change to every hypothesis."""
