@@ -9,7 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lodeline.ekf import Localizer, LocalizerParams
+from lodeline.bench.scenes.drive import Drive
+from lodeline.bench.scenes.rides import SIGMA, wheels_with
+from lodeline.ekf import Estimate, Localizer, LocalizerParams
+from lodeline.ekf.motion import relative
+from lodeline.odometry import Odometry
 
 MS = 1_000_000
 COVARIANCE = (1e-4, 2e-5, 2e-5, 4e-3)
@@ -190,3 +194,43 @@ def test_a_clock_that_jumped_and_came_back_does_not_shut_the_odometry_out(ahead_
     # the way of the second in which nothing was believed is owned up to, if there was one
     sigma = math.sqrt(estimate.covariance[0])
     assert abs(estimate.x - 59 * 0.005) < 3 * sigma + 0.001
+
+
+@pytest.mark.parametrize("reach", [None, 0.00825])
+def test_late_magnets_lose_nothing_but_the_way_driven_since(reach: float | None) -> None:
+    """400 ms late: the pose is that of 400 ms ago without delay, carried on by the odometry."""
+    params, wheels, late_by = LocalizerParams(initial_sigma=SIGMA), wheels_with(2e-5), 8
+    for seed in range(3):
+        robot, odometry = Drive(Random(seed), params, wheels, reach=reach), Odometry(wheels)
+        late, fresh = Localizer(params), Localizer(params)
+        hits: list[tuple[float, ...]] = []
+        told: list[tuple[tuple[float, float, float], Estimate]] = []
+        for i in range(120):
+            if i > 0:
+                robot.go(0.006, 0.012 * math.sin(0.02 * i))
+            out = odometry.update(i * 50 * MS, *robot.counts())
+            assert out is not None
+            at = (out.x, out.y, out.yaw)
+            for localizer in (late, fresh):
+                localizer.odometry(
+                    out.stamp_ns, *at, out.twist_covariance, out.interval, out.resets
+                )
+            hits.append(robot.laterals())
+            fresh.magnets(i * 50 * MS, hits[i])
+            estimate = fresh.estimate
+            assert estimate is not None
+            told.append((at, estimate))
+            if i < late_by:
+                continue
+            late.magnets((i - late_by) * 50 * MS, hits[i - late_by])
+            then, before = told[i - late_by]
+            way, now = relative(*then, *at), late.estimate
+            assert now is not None
+            c, s = math.cos(before.yaw), math.sin(before.yaw)
+            assert (now.x, now.y) == pytest.approx(
+                (
+                    before.x + c * way.ahead - s * way.left,
+                    before.y + s * way.ahead + c * way.left,
+                ),
+                abs=1e-9,
+            )
