@@ -26,7 +26,11 @@ def read_hosts(
     hosts = {name: _host(shape, name, each, alone, warnings, tls) for name, each in members.items()}
     addressed = [host for host in hosts.values() if host.listen or host.connect]
     if len(addressed) > 1 and not any(host.listen for host in addressed):
-        shape.fault(item.key, "no host listens, so the hosts cannot reach each other")
+        if len({host.connect for host in addressed}) > 1:
+            shape.fault(item.key, "no host listens, so the hosts cannot reach each other")
+        else:
+            text = f"no host listens, so a zenoh router must, at {addressed[0].connect}"
+            warnings.append(str(item.key.fault(text)))
     return hosts
 
 

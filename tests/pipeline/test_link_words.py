@@ -48,6 +48,12 @@ def test_orders_to_nodes_of_another_host_are_granted_over_tls_and_free_without(
     assert "restart" in link_of(load(write(text)), "laptop").withheld
 
 
+def test_hosts_that_meet_at_a_router_are_told_that_it_must_listen(write: Write) -> None:
+    text = GOOD.replace("listen: 127.0.0.1", "connect: 10.0.0.9").replace("10.0.0.1", "10.0.0.9")
+    (warning,) = load(write(text)).warnings
+    assert "no host listens, so a zenoh router must, at 10.0.0.9" in warning
+
+
 def test_link_rate_is_for_the_link_alone(write: Write) -> None:
     pipeline = load(write(GOOD + "link_rate: {wheels: 20}\n"))
     assert pipeline.link_rate == {"rig/wheels": 20.0}
