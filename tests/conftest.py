@@ -12,7 +12,6 @@ TESTS = Path(__file__).parent
 LIVE = (
     "calibrate_verb",
     "dash",
-    "docs",
     "faults",
     "hosts",
     "live",

@@ -93,10 +93,10 @@ def _as_json(found: Grade) -> dict[str, object]:
 
 
 def _as_text(found: Grade) -> str:
-    lines = [f"{found.sent} of {found.wanted} samples"]
+    lines = [f"sent {found.sent} of {found.wanted} samples"]
     for each in found.differences if found.sent else ():
         quantity = each.quantity
-        verdict = "right" if each.fine else f"wrong, worst {each.seconds:.2f} s after the start"
+        verdict = "right" if each.fine else f"wrong, most at {each.seconds:.2f} s"
         lines.append(
             f"{quantity.name:4} off by at most {each.worst:.3g} {quantity.unit} "
             f"(allowed {quantity.tolerance:g}): {verdict}"

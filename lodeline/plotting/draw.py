@@ -38,7 +38,9 @@ def say(drawn: Drawn, folder: Path | None, html: Path | None) -> None:
     """For people: what is left out, and what was written, on standard error."""
     for kind, why in drawn.left_out.items():
         print(f"left out {kind}: {why}", file=sys.stderr)
-    written = [f"{len(drawn.figures)} files in {folder}"] if folder is not None else []
+    count = len(drawn.figures)
+    files = "1 file" if count == 1 else f"{count} files"
+    written = [f"{files} in {folder}"] if folder is not None else []
     written += [str(html)] if html is not None else []
     done = f"written: {', '.join(written)}" if written else "none drawn: --png DIR or --html FILE"
     print(done, file=sys.stderr)

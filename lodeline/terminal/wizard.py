@@ -158,7 +158,7 @@ class Wizard:
     def _ticks_in_use(self) -> float:
         answers = self.hand_over(b"").values()
         known = [each.values for each in answers if not isinstance(each, str)]
-        told = {values["ticks_per_turn"] for values in known if "ticks_per_turn" in values}
+        told = {each["ticks_per_turn"] * each["gear"] for each in known if "gear" in each}
         if len(told) != 1:
             raise CalibrationRefusedError(
                 f"how many counts a turn? No one odometry reads {self._key}: --ticks-per-turn"

@@ -1,7 +1,14 @@
 """The documents as a test reads them: blocks in order, and what is to be done with each.
 
-A comment before a block says what a reader sees without it: `<!-- test: on a robot -->`,
-`<!-- test: while it runs -->`, `<!-- test: exits 3 -->`, `<!-- test: file map.yaml -->`.
+A comment before a block says what a reader sees without it, `<!-- test: WORDS -->`:
+
+    exits 3                  that is how its commands end
+    file map.yaml            it is a file of that name; `append map.yaml`: the end of one
+    on the robot             that is another folder and another run folder
+    stays up                 its command goes on while blocks that follow say `while it runs`
+    while make demo runs     as `while it runs`, of a command that stands in no block before
+
+Several of them stand apart by commas.
 """
 
 from __future__ import annotations
@@ -30,15 +37,19 @@ _BLOCK = re.compile(
 )
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 LANGUAGES = ("", "sh", "console", "python", "yaml", "mermaid")  # "": what a program printed
-# What would never end, and the words that end it soon.
-ENDLESS = (
+SHORTER = (
     ("make demo", "SECONDS=2"),
     ("lodeline demo", "--seconds 2"),
     ("lodeline up", "--seconds 3"),
+    ("lodeline dash", "--seconds 1"),
     ("lodeline topic echo", "-n 1"),
     ("lodeline top", "--once"),
     ("lodeline bag record", "--seconds 2"),
+    ("lodeline calibrate gyro", "--seconds 2.5"),
+    ("lodeline calibrate wheels --distance", "--distance 1"),
+    ("lodeline calibrate wheels --turns", "--turns 2"),
 )
+"""What takes long or would never end, and the words that end it soon; the last of a kind holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,21 +61,28 @@ class Block:
     text: str
     line: int
 
+    def says(self, word: str) -> str | None:
+        """What follows a word of the order; None if it is not there."""
+        for each in self.order.split(", "):
+            if each.startswith(word):
+                return each.removeprefix(word).strip()
+        return None
+
     @property
     def commands(self) -> list[str]:
-        """The commands of a shell block as they are tested: without comments, made to end."""
+        """The commands of a shell block, without comments."""
         if self.language == "console":
             lines = [line[2:] for line in self.text.splitlines() if line.startswith("$ ")]
         else:
             lines = self.text.replace("\\\n", " ").splitlines()
         bare = [re.split(r"(?:^|\s)#\s", line)[0].strip() for line in lines]
-        return [_ended(line) for line in bare if line]
+        return [line for line in bare if line]
 
 
-def _ended(line: str) -> str:
-    for start, more in ENDLESS:
-        words = line.split()
-        if words[: len(start.split())] == start.split() and more.split()[0] not in words:
+def shorter(line: str) -> str:
+    """A command that ends soon."""
+    for start, more in SHORTER:
+        if f"{line} ".startswith(f"{start} "):
             return line if "=" in more and more.split("=")[0] in line else f"{line} {more}"
     return line
 

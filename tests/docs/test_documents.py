@@ -2,116 +2,76 @@
 
 from __future__ import annotations
 
-import importlib.util
-import os
-import shlex
-import shutil
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from lodeline.loading import shipped
-from tests.docs.documents import DOCUMENTS, ELSEWHERE, LANGUAGES, Block, anchors, blocks, links
-from tests.support.live import ROOT, Up, environment
+from lodeline.calibration_file import load
+from tests.docs.documents import DOCUMENTS, ELSEWHERE, LANGUAGES, anchors, blocks, links
+from tests.docs.stage import SHELL, Stage
+from tests.docs.stand_ins import STAND_INS, used
 
-KEPT = ("nodes", "examples", "proto", "tests/data/recordings", "pipeline.yaml")
-SHELL = ("sh", "console")
-WITH_COMMANDS = [name for name in DOCUMENTS if any(b.language in SHELL for b in blocks(name))]
-
-
-@pytest.fixture
-def checkout(tmp_path: Path) -> Path:
-    """A folder with what the commands name."""
-    for name in KEPT:
-        target = tmp_path / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        source = ROOT / name
-        if source.is_dir():
-            shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy(source, target)
-    return tmp_path
+LIVE = ("lodeline up", "make demo", "lodeline demo")
+ORDERS = ("exits", "file", "append", "on the robot", "stays up", "while")
 
 
-def run(line: str, folder: Path, base: Path) -> subprocess.CompletedProcess[str]:
-    """A line as a user would type it, with the environment's programs on the path."""
-    # The project's own targets need the checkout with its environment.
-    place = ROOT if line.startswith("make ") else folder
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    return subprocess.run(
-        ["bash", "-c", line],
-        cwd=place,
-        env={**environment(base), "PATH": path, "BROWSER": "true"},
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+def with_commands() -> list[Any]:
+    """The documents to carry out; those that start a pipeline have the machine for themselves."""
+    found = []
+    for name in DOCUMENTS:
+        lines = [
+            line for block in blocks(name) if block.language in SHELL for line in block.commands
+        ]
+        live = any(line.startswith(LIVE) for line in lines)
+        if lines:
+            found.append(pytest.param(name, marks=[pytest.mark.live] if live else []))
+    return found
 
 
-def parses(line: str) -> str:
-    """What is wrong with a `lodeline` command that cannot be run here, "" if nothing."""
-    words = shlex.split(line)
-    if words[:2] == ["lodeline", "bench"] or words[0] != "lodeline":
-        return ""
-    file = shipped("tools") / f"{words[1]}.py"
-    if not file.exists():
-        return f"no verb {words[1]}"
-    spec = importlib.util.spec_from_file_location(f"documented_{words[1]}", file)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    try:
-        module.parser().parse_args(words[2:])
-    except SystemExit as stop:
-        return f"usage error {stop.code}" if stop.code else ""
-    return ""
-
-
-def do(block: Block, folder: Path, base: Path) -> Iterator[str]:
-    """Do what a block says; what went wrong."""
-    kind, _, rest = block.order.partition(" ")
-    if kind in ("file", "append"):
-        with (folder / rest).open("a" if kind == "append" else "w") as stream:
-            stream.write(block.text)
-    elif block.language in SHELL:
-        wanted = int(rest) if kind == "exits" else 0
-        for line in block.commands:
-            if block.order.startswith(("on ", "as root")):
-                yield from filter(None, [parses(line)])
-                continue
-            if line.startswith("make test"):
-                continue  # this is it
-            done = run(line, folder, base)
-            if done.returncode != wanted:
-                yield f"`{line}` exits {done.returncode}: {done.stdout[-500:]}{done.stderr[-1500:]}"
-
-
-@pytest.mark.parametrize("document", WITH_COMMANDS)
-def test_every_command_does_what_is_said(document: str, checkout: Path, short_folder: Path) -> None:
-    wrong = []
-    with ExitStack() as running:
-        up: Up | None = None
-        for block in blocks(document):
-            if block.order.startswith("while it runs") and up is None:
-                file = block.order.removeprefix("while it runs").strip() or "pipeline.yaml"
-                up = running.enter_context(Up(checkout / file, base=short_folder))
-            elif up is not None and not block.order.startswith("while it runs"):
-                running.close()
-                up = None
-            wrong += [
-                f"{document}:{block.line}: {text}" for text in do(block, checkout, short_folder)
-            ]
+@pytest.mark.parametrize("document", with_commands())
+def test_every_command_does_what_is_said(document: str, tmp_path: Path) -> None:
+    with Stage(tmp_path) as stage:
+        wrong = [
+            f"{document}:{block.line}: {text}"
+            for block in blocks(document)
+            for text in stage.do(block)
+        ]
     assert not wrong, "\n".join(wrong)
+    if document == "docs/robot.md":
+        was_calibrated(stage.laptop.home / "calibration.yaml")
+
+
+def was_calibrated(file: Path) -> None:
+    """What the page's robot was measured to be is what the simulated one is."""
+    found = load(file).sections
+    assert found["wheels"]["wheel_radius"] == pytest.approx(0.041, rel=0.1)
+    assert found["wheels"]["track"] == pytest.approx(0.402, rel=0.1)
+    assert found["gyro"]["gyro_zero"] == pytest.approx([0.0] * 3, abs=0.05)
+    assert {"gyro", "mag", "wheels"} <= set(found)
+
+
+def test_what_stands_in_for_something_is_all_in_one_table_and_needed() -> None:
+    lines = [
+        line
+        for name in DOCUMENTS
+        for b in blocks(name)
+        if b.language in SHELL
+        for line in b.commands
+    ]
+    assert {word for line in lines for word in used(line)} == set(STAND_INS)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
-def test_blocks_are_of_a_known_kind(document: str) -> None:
-    assert {block.language for block in blocks(document)} <= {*LANGUAGES}
+def test_blocks_and_their_orders_are_of_a_known_kind(document: str) -> None:
+    """What is not known would be left out in silence; so would a command among printed lines."""
+    for block in blocks(document):
+        assert block.language in LANGUAGES
+        assert not block.order or all(each.startswith(ORDERS) for each in block.order.split(", "))
+        printed = block.text.splitlines() if not block.language else []
+        assert not printed or not all(
+            each.startswith(("lodeline ", "make ", "$ ")) for each in printed
+        )
 
 
 @pytest.mark.parametrize("document", [*DOCUMENTS, *ELSEWHERE, "proto/README.md"])
