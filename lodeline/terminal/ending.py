@@ -15,6 +15,8 @@ def ended(work: Callable[[], int]) -> int:
     """The exit code of `work`: its own, or that of the error which ended it."""
     try:
         return work()
+    except BrokenPipeError:
+        raise  # `| head` is no fault: the command line knows
     except (NoRecordingError, NothingToPlotError) as error:
         print(error, file=sys.stderr)
         return NOTHING

@@ -36,7 +36,8 @@ _BLOCK = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
-LANGUAGES = ("", "sh", "console", "python", "yaml", "mermaid")  # "": what a program printed
+LANGUAGES = ("", "text", "sh", "console", "python", "yaml", "mermaid")
+PRINTED = ("", "text")
 SHORTER = (
     ("make demo", "SECONDS=2"),
     ("lodeline demo", "--seconds 2"),

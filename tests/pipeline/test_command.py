@@ -14,6 +14,7 @@ import pytest
 
 from lodeline import cli
 from lodeline.loading import shipped
+from tests.support.live import ROOT
 
 GOOD = Path(__file__).parents[1] / "data/rig.yaml"
 
@@ -183,6 +184,13 @@ def test_broken_socket_of_a_verb_is_not_taken_for_a_closed_pipe(
         monkeypatch.setattr(sys, "stderr", out)
         with pytest.raises(BrokenPipeError):
             cli.main(["try"])
+
+
+def test_a_reader_that_leaves_a_verb_on_recordings_is_no_fault() -> None:
+    bag = ROOT / "tests" / "data" / "recordings" / "rover.mcap"
+    line = f"{sys.executable} -P -m lodeline compare {bag} {bag} --key truth --json | head -1"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("{\n", "")
 
 
 def test_ctrl_c_during_a_hanging_import_exits_130(tmp_path: Path) -> None:
