@@ -122,10 +122,15 @@ def _from_the_magnet(x: float, y: float, yaw: float, magnet: Pair) -> Pair:
     return cos(yaw) * east + sin(yaw) * north, cos(yaw) * north - sin(yaw) * east
 
 
+def _nowhere(_x: float, _y: float, _yaw: float, _magnet: Pair) -> Pair:
+    return 0.0, 0.0
+
+
 EXPECTED: tuple[Wrong, ...] = (
     (_in_the_map, "expected: the difference is still in the map's axes, not in the robot's"),
     (_turned_back, "expected: turned the wrong way round, by yaw and not by -yaw"),
     (_from_the_magnet, "expected: this is the robot seen from the magnet"),
+    (_nowhere, "expected: still to be written"),
 )
 
 

@@ -41,7 +41,7 @@ PRINTED = ("", "text")
 SHORTER = (
     ("make demo", "SECONDS=2"),
     ("lodeline demo", "--seconds 2"),
-    ("lodeline up", "--seconds 3"),
+    ("lodeline up", "--seconds 1"),
     ("lodeline dash", "--seconds 1"),
     ("lodeline topic echo", "-n 1"),
     ("lodeline top", "--once"),

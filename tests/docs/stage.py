@@ -91,7 +91,13 @@ class Stage:
 
     def _command(self, line: str) -> str:
         line = line.replace(ADDRESS, self._address)
-        return "make --dry-run test" if line == "make test" else line
+        if line == "make test":
+            line = "make --dry-run test"
+        return (
+            line.replace("make ", "make --old-file=.venv/.ready ", 1)
+            if "make" in used(line)
+            else line
+        )
 
     def _place(self, machine: Machine, line: str, folder: Path) -> tuple[Path, dict[str, str]]:
         """Where a line runs, and its environment."""

@@ -15,6 +15,7 @@ STAND_INS = {
     "ssh": "no second machine: runs in the folder that is the robot's home",
     "sudo": "changes the machine: files go below a folder, systemd's own tools look at them there",
     "pip": "no network: what is built from this checkout is installed, without its dependencies",
+    "make": "the environment is the one in which the tests run: nothing is installed into it",
     "make test": "would run itself: make says what it would run",
     "lodeline calibrate": "no hands: the simulated robot drives as the reader pushes his",
 }
