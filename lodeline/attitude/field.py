@@ -27,8 +27,10 @@ TURNING = 0.1  # [rad/s] slower rates are noise and do not count
 class FieldParams(AttitudeParams):
     """How much strength and dip may stray, and how fast the reference is learned."""
 
-    norm_tolerance: Annotated[float, "1"] = 0.04  # relative to the strength learned
-    dip_tolerance: Annotated[float, "rad"] = 0.14
+    # Relative to the strength learned: two sigma where a calibration leaves 1 uT of 50. A stray
+    # field as strong as that turns a compass by up to asin(0.04 / cos dip), 7 deg at a dip of 70.
+    norm_tolerance: Annotated[float, "1"] = 0.04
+    dip_tolerance: Annotated[float, "rad"] = 0.14  # tilt errors of a shaken body show here too
     heading_tolerance: Annotated[float, "rad"] = 0.3  # beside the heading known so far
     learn_time: Annotated[float, "s"] = 5.0
     reference_time: Annotated[float, "s"] = 60.0
