@@ -32,6 +32,18 @@ def number(text: str) -> float:
     return float(text.replace(MINUS, "-"))
 
 
+# Labels of wires and boxes of nodes of which one covers another, by more than a hair.
+COVERED = """(() => {
+  const things = [...document.querySelectorAll('#graph g:not(.node) > text, #graph .box')]
+    .filter((each) => each.matches('.box') || each.textContent.trim())
+    .map((it) => [it.textContent || it.parentNode.dataset.node, it.getBoundingClientRect()]);
+  const over = (a, b) => Math.min(a.right, b.right) - Math.max(a.left, b.left) > 2
+    && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > 4;
+  return things.flatMap(([name, box], i) => things.slice(i + 1)
+    .filter(([, other]) => over(box, other)).map(([other]) => `${name} and ${other}`));
+})()"""
+
+
 @pytest.fixture
 def page(chromium: Chromium, dash: Dash) -> Iterator[Chromium]:
     """The page, opened with its token; it must cause no error and no warning."""
@@ -77,6 +89,7 @@ def test_the_graph_shows_the_rates_and_ages_that_nodes_report(page: Chromium, da
     keys = set(page.run("[...document.querySelectorAll('#graph .key')].map((t) => t.textContent)"))
     assert {"imu/data_raw", "wheels", "odom", "magnets", "pose", "truth", "cmd_vel"} <= keys
     assert any("ms" in text for text in texts)
+    assert page.run(COVERED) == []
     nodes = page.run("[...document.querySelectorAll('#graph .node')].map((n) => n.dataset.node)")
     assert len(nodes) == 9
     assert len(page.run("[...document.querySelectorAll('#nodes tbody tr')].map(() => 1)")) == 9

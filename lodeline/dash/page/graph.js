@@ -6,11 +6,12 @@ import { healthOf, nodesOf } from "./health.js";
 const NODE = { width: 132, height: 38 };
 const ROW = 46;
 const WIDTH = 1230;
-const LEFT = 150; // room for keys that come from outside
-const RIGHT = 150; // room for keys that nobody here reads
-const TOP = 4;
+const LEFT = 110; // room for keys that come from outside
+const RIGHT = 140; // room for keys that nobody here reads
+const TOP = 10;
 const LEGEND = "key, rate, age on arrival: median / 99 %, \u2715 samples lost or too late";
 const ONE_LINE = 235; // px between two layers in which a label needs but one line
+const TWINS = { one: 24, two: 32 }; // px between two wires of a pair, by the lines of their labels
 
 export class Graph {
   constructor(place, onPick) {
@@ -63,7 +64,8 @@ export class Graph {
       const from = edge.from && places.get(edge.from);
       const twins = edges.filter((other) => other.to === edge.to && (from ? other.from === edge.from : !other.from));
       const place = twins.indexOf(edge);
-      const aside = (place - (twins.length - 1) / 2) * 24;
+      const apart = this.gap >= ONE_LINE ? TWINS.one : TWINS.two;
+      const aside = (place - (twins.length - 1) / 2) * apart;
       const end = [to.x, to.y + NODE.height / 2 + aside];
       if (from) {
         const start = [from.x + NODE.width, from.y + NODE.height / 2 + aside];
