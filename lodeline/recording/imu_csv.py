@@ -57,9 +57,11 @@ class CsvTable:
         try:
             self._lines = self._read(self._delimiter)
             self._point = ""  # what the numbers have, as soon as one has it: `.` or `,`
-            _, header = next(self._lines, (0, None))
+            line, header = next(self._lines, (0, None))
             if header is None:
                 raise RecordingError(f"{file}: is empty, expected a header with {TIME}, gx, ...")
+            if all(_is_number(cell) for cell in header):
+                self.fail(line, "numbers, expected the names of the columns in the first row")
             self.columns = tuple(cell.strip() for cell in header)
         except BaseException:
             self._stream.close()
@@ -179,6 +181,13 @@ def read_imu(table: CsvTable, extra: Sequence[str] = ()) -> Iterator[ImuRow]:
         if mx is not None and my is not None and mz is not None:
             field = (mx * MICROTESLA, my * MICROTESLA, mz * MICROTESLA)
         yield ImuRow(line, t, (gx, gy, gz), (ax, ay, az), field, tuple(rest))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return isfinite(float(cell))
+    except ValueError:
+        return not cell.strip()
 
 
 def _open(file: Path) -> tuple[io.TextIOWrapper, str]:

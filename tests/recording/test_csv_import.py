@@ -71,6 +71,13 @@ def test_a_decimal_comma_is_one_between_semicolons_and_named_between_commas(tmp_
             read(file, mapping)
 
 
+def test_a_table_without_names_is_told_so(tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text("# logged\n0.0,6,18,\n0.1,7,19,\n")
+    with pytest.raises(RecordingError, match="csv:2: numbers, expected the names of the columns"):
+        CsvTable(file)
+
+
 def test_columns_become_fields_with_sign_unit_sum_and_constant(table: Path) -> None:
     g = 9.80665
     assert read(table) == [
