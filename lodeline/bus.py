@@ -121,11 +121,15 @@ class Session:
         subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(queue))
 
         def run() -> None:
+            last, name = None, ""  # to write a sender's id out costs more than to compare it
             for sample in _samples(subscriber):
                 data = sample.payload.to_bytes()
                 if data or sample.kind == zenoh.SampleKind.PUT:  # a DELETE carries nothing
                     info = sample.source_info
-                    take("" if info is None else str(info.source_id.zid), data)
+                    zid = None if info is None else info.source_id.zid
+                    if zid != last:
+                        last, name = zid, "" if zid is None else str(zid)
+                    take(name, data)
 
         self._listen(key, subscriber, run)
 
