@@ -180,6 +180,17 @@ def test_the_history_stays_short() -> None:
     assert localizer.refused == 1_000 - 512
 
 
+def test_readings_without_any_wheels_fill_no_memory_and_spoil_no_start() -> None:
+    localizer = Localizer(LocalizerParams())
+    for i in range(5000):
+        assert not feed(localizer, ("magnets", 1_000 * MS + i * MS, (0.0,)))
+    assert len(localizer._history._nodes) <= 4096
+    assert localizer.estimate is None
+    assert feed(localizer, ("odometry", 7_000 * MS, (0.0, 0.0, 0.0, 0)))
+    fresh = fed([("odometry", 7_000 * MS, (0.0, 0.0, 0.0, 0))])
+    assert localizer.estimate == fresh.estimate
+
+
 @pytest.mark.parametrize("ahead_ns", [-3_600_000 * MS, 3_600_000 * MS])
 def test_a_clock_that_jumped_and_came_back_does_not_shut_the_odometry_out(ahead_ns: int) -> None:
     """One stamp an hour off; a second later estimates follow the odometry again."""
