@@ -59,8 +59,8 @@ class Manifest:
     """What runs in a run folder. `started` [s] is UNIX time, `overrides` are those of the pipeline.
 
     `nodes` gives each node of the whole pipeline its process, `places` its host; only those on
-    `hosts` run here. `readers` are the nodes of all hosts that read a key, by key; `withheld` the
-    orders (`restart`) that the link does not take from here to nodes of another host.
+    `hosts` run here. `readers` are the nodes of all hosts that read a key, by key; `withheld` what
+    the link does not take from tools here to nodes of another host: `@restart`, `cmd_vel`.
     """
 
     name: str
@@ -85,12 +85,23 @@ class Manifest:
     def refusal(self, order: str, node: str) -> str | None:
         """Why an order to a node would not reach it from here, and what mends that."""
         place = self.places.get(node)
-        if place is None or place in self.hosts or order not in self.withheld:
+        if place is None or place in self.hosts or f"@{order}" not in self.withheld:
             return None
         return (
-            f"{node} is on {place}, and tools on {self.host} may not {order} over tls: write "
-            f"`grant: [{order}]` for {self.host} in the pipeline file of both"
+            f"{node} is on {place}, and tools on {self.host} may not {order} over tls: "
+            + self._remedy(order)
         )
+
+    def unheard(self, key: str) -> str | None:
+        """Why no reader would get what a tool here sends on a full key, and what mends that."""
+        short = key.removeprefix(f"{self.name}/")
+        places = {self.places.get(reader.node) for reader in self.readers.get(key, ())}
+        if short not in self.withheld or not places or places & {None, *self.hosts}:
+            return None
+        return f"tools on {self.host} may not send {short} over tls: {self._remedy(short)}"
+
+    def _remedy(self, word: str) -> str:
+        return f"write `grant: [{word}]` for {self.host} in the pipeline file of both"
 
 
 @dataclass(frozen=True, slots=True)

@@ -251,6 +251,9 @@ def _pub(watch: Watch, arguments: argparse.Namespace) -> int:
             file=sys.stderr,
         )
         return EXIT_USAGE
+    if why := watch.manifest.unheard(key):
+        print(why, file=sys.stderr)
+        return EXIT_FAILED
     cls = MESSAGES[known.type]
     try:
         values = read_values(arguments.values)

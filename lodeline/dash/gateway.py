@@ -189,6 +189,8 @@ class Gateway:
         if self._driver not in (None, viewer):
             viewer.post(_note("refused: another page is driving"))
             return True
+        if self._driver is None and (run := self._link.run) and run.unheard:
+            viewer.post(_note(run.unheard))
         self._driver, self._driven = viewer, time.monotonic()
         self._command(forward * TOP_SPEED, left * TOP_RATE)
         if said.get("done") is True:

@@ -51,7 +51,9 @@ class Run:
         self._client.subscribe(f"{self.manifest.name}/{CALIBRATING}", 1, self._on_calibrating)
         self._calibrating: str | None = None
         self._kept_asked = False
+        self.unheard: str | None = None
         if wheel := drive_key(self.manifest):
+            self.unheard = self.manifest.unheard(wheel)
             self._wheel = self._client.publisher(wheel, encoding_of(Twist))
 
     def _on_status(self, _key: str, data: bytes, _encoding: str) -> None:

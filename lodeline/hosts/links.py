@@ -28,7 +28,7 @@ class LinkError(RuntimeError):
 class Link:
     """What a gateway opens besides the hub's socket: zenoh endpoints, and settings for them.
 
-    `withheld` are the orders that it does not take from here to nodes of another host.
+    `withheld` is what it does not take from tools here to another host: `@restart`, `cmd_vel`.
     """
 
     listen: tuple[str, ...] = ()
@@ -64,7 +64,9 @@ def link_of(pipeline: Pipeline, host: str) -> Link:
     if any(end.startswith("tls/") for end in (*listen, *connect)):
         settings |= _secured(pipeline, host)
         granted = granted_orders(pipeline, host)
-        withheld = [order for order in ORDERS if order not in granted]
+        withheld = [f"@{order}" for order in ORDERS if order not in granted]
+        keys = [key.removeprefix(f"{pipeline.name}/") for key in pipeline.external]
+        withheld += [key for key in keys if key not in known.grant]
     return Link(listen, connect, known.scout, settings, tuple(withheld))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -15,9 +14,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from lodeline.bench.cable import Cable, Fault
+from lodeline.hosts import certificates
 from lodeline.hosts.offset import NodeTime, Offset, better, measured
 from lodeline.terminal.traffic import delay_table
-from tests.hosts.net import Host, Net
+from tests.hosts.net import Host, Net, hosts_at
 from tests.support.live import environment, eventually
 
 SKEW_S = 600
@@ -46,18 +47,18 @@ with zenoh.open(config):
 """
 
 
-@pytest.fixture
-def skewed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Processes that are started from now on live 600 s in the future."""
+def skew(host: Host, seconds: int, folder: Path) -> None:
+    """Let a host that is yet to start live so far in the future."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler for a clock that is wrong")
-    source, library = tmp_path / "skew.c", tmp_path / "skew.so"
-    source.write_text(SHIM % SKEW_S)
+    source, library = folder / "skew.c", folder / "skew.so"
+    source.write_text(SHIM % seconds)
     subprocess.run(
         [compiler, "-shared", "-fPIC", "-o", str(library), str(source), "-ldl"], check=True
     )
-    monkeypatch.setenv("LODELINE_TEST_SKEW", str(library))
+    place = host._command.index("--") + 1
+    host._command[place:place] = ["env", f"LD_PRELOAD={library}"]
 
 
 def doctor(host: Host, what: str) -> dict[str, Any]:
@@ -111,13 +112,11 @@ def test_the_doctor_says_who_is_linked_and_what_is_open(net: Net) -> None:
 
 @pytest.mark.parametrize("late", [False, True], ids=["robot first", "laptop first"])
 def test_a_laptop_ten_minutes_ahead_takes_the_robots_time(
-    net: Net, skewed: None, late: bool
+    net: Net, late: bool, tmp_path: Path
 ) -> None:
     file = net.file()
     robot, laptop = Host(net.robot, file, "robot"), Host(net.laptop, file, "laptop")
-    preload = f"LD_PRELOAD={os.environ['LODELINE_TEST_SKEW']}"
-    place = laptop._command.index("--") + 1
-    laptop._command[place:place] = ["env", preload]
+    skew(laptop, SKEW_S, tmp_path)
     first, second = (laptop, robot) if late else (robot, laptop)
     with first, second:
         # The watcher refuses what is older than its limit: with the wrong time, everything.
@@ -140,6 +139,43 @@ def test_a_laptop_ten_minutes_ahead_takes_the_robots_time(
         bar = clocks["laptop"]["error"] + clocks["robot"]["error"]
         assert apart == pytest.approx(SKEW_S, abs=bar + 0.001)
         assert bar < 0.2
+
+
+def test_over_a_jittery_link_another_clock_is_known_to_20_ms(net: Net, tmp_path: Path) -> None:
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-4)  # the cable is a thread of this process
+    cable = Cable(net.robot, net.laptop)
+    cable.fault = Fault(delay=0.020, jitter=0.015)
+    file = net.file(hosts=hosts_at(cable.addresses[0]))
+    robot, laptop = Host(net.robot, file, "robot"), Host(net.laptop, file, "laptop")
+    skew(laptop, SKEW_S, tmp_path)
+
+    def known() -> dict[str, float] | None:
+        clock: dict[str, float] | None = laptop.links()["robot"]["clock"]
+        return clock if clock and clock["error"] < 0.030 else None
+
+    with robot, laptop:
+        assert eventually(lambda: known() is not None, 15.0, 0.2)
+        clock = known()
+        assert clock is not None
+        assert abs(clock["offset"] + SKEW_S) <= min(0.020, clock["error"] + 0.002)
+    cable.close()
+    sys.setswitchinterval(interval)
+
+
+def test_a_robot_that_lives_before_its_certificate_suspects_its_clock(
+    net: Net, tmp_path: Path
+) -> None:
+    pytest.importorskip("cryptography")
+    certificates.init(tmp_path / "keys")
+    certificates.add(tmp_path / "keys", "robot", [net.address])
+    robot = Host(net.robot, net.file(more=f"tls: {tmp_path / 'keys'}"), "robot")
+    skew(robot, -10 * 365 * 86400, tmp_path)
+    with pytest.raises(
+        AssertionError, match=r"here it is 20\d\d-.*: is the clock of this host wrong"
+    ):
+        robot.__enter__()
+    assert robot.process.returncode == 1
 
 
 @pytest.mark.parametrize(

@@ -87,6 +87,9 @@ def test_over_tls_all_is_as_without(net: Net, keys: Path) -> None:
         assert refused.returncode == 1
         assert "source is on robot, and tools on laptop may not restart over tls" in refused.stderr
         assert "write `grant: [restart]` for laptop" in refused.stderr
+        refused = laptop.call("topic", "pub", "cmd_vel", "{v: 0.1}")
+        assert refused.returncode == 1
+        assert "write `grant: [cmd_vel]` for laptop" in refused.stderr
 
 
 def test_strangers_do_not_link_and_hosts_say_only_what_is_theirs(
