@@ -18,6 +18,7 @@ from smbus2 import I2cFunc, SMBus
 if TYPE_CHECKING:
     from lodeline.sim.adapter import Transfer
 
+ANSWER_TIMEOUT = 0.1  # s, far more than a transaction of the simulator takes
 CONNECT_TIMEOUT = 10.0  # s to wait for the simulator's socket to appear
 SETTLE = 0.05  # s between two looks for the socket
 I2C_TIMEOUT = 0x0702  # in units of 10 ms
@@ -111,13 +112,17 @@ class Bus(SMBus):
 
 
 def open_bus(
-    bus: int | str, sim_socket: Path | None = None, timeout: float = CONNECT_TIMEOUT
+    bus: int | str,
+    sim_socket: Path | None = None,
+    answer: float | None = ANSWER_TIMEOUT,
+    timeout: float = CONNECT_TIMEOUT,
 ) -> Bus:
     """Return I2C bus number `bus`, or the simulator's bus behind `sim_socket` if `bus` is "sim".
 
     A device file need not be there yet: it is opened by the first driver's link, which tries again
     and says why it cannot. A simulator is awaited for `timeout` seconds, then OSError says what to
-    do; ValueError if "sim" comes without a socket.
+    do; ValueError if "sim" comes without a socket. Its bus counts as hung when a transaction takes
+    longer than `answer` seconds (None: never, for in simulated time no host is too slow).
     """
     if bus != "sim":
         return Bus(bus, later=True)
@@ -127,7 +132,7 @@ def open_bus(
     from lodeline.sim.adapter import SimulatedFile
     from lodeline.sim.wire import SocketTransfer
 
-    link = SocketTransfer(sim_socket)
+    link = SocketTransfer(sim_socket, answer)
     deadline = time.monotonic() + timeout
     while True:
         try:

@@ -112,6 +112,7 @@ class Context:
 
     `state` is `running`, `degraded` (usable, less accurate) or `fault` (not usable). `monotonic`
     [s] is for simulated devices, which live in a time of their own; nothing else needs a clock.
+    `sim_timeout` [s] is how long their bus may take to answer, see `open_bus`.
     `say` takes what a person should read.
     `lateness` [s] is how late its last ticks began.
     """
@@ -119,6 +120,7 @@ class Context:
     name: str = "node"
     run_folder: Path = field(default_factory=Path)
     monotonic: Callable[[], float] = time.monotonic
+    sim_timeout: float | None = 0.1
     state: str = "running"
     last_error: str = ""
     rejected: Counter[str] = field(default_factory=Counter)

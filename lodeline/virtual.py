@@ -36,7 +36,7 @@ def run(
         return now * 1e-9
 
     nodes = {
-        spec.name: spec.type(spec.params, Context(spec.name, run_folder, monotonic))
+        spec.name: spec.type(spec.params, Context(spec.name, run_folder, monotonic, None))
         for spec in pipeline.nodes
     }
     graph = Graph(

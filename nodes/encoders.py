@@ -28,7 +28,7 @@ class EncodersDriver(Driver[EncodersNodeParams]):
     wheels = Output(WheelTicks)
 
     def setup(self) -> None:
-        bus = open_bus(self.params.bus, self.context.sim_socket)
+        bus = open_bus(self.params.bus, self.context.sim_socket, self.context.sim_timeout)
         self.encoders = Encoders(bus, self.params.encoders)
 
     def save(self) -> EncodersState | None:

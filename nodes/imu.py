@@ -32,7 +32,7 @@ class ImuDriver(Driver[ImuParams]):
 
     def setup(self) -> None:
         p = self.params
-        bus = open_bus(p.bus, self.context.sim_socket)
+        bus = open_bus(p.bus, self.context.sim_socket, self.context.sim_timeout)
         self.board = ImuBoard(bus, self.context.monotonic, p.imu, p.magnetometer)
 
     def tick(self, stamp: int) -> None:

@@ -28,7 +28,7 @@ class MagnetBarDriver(Driver[MagnetBarParams]):
     reeds = Output(ReedBar)
 
     def setup(self) -> None:
-        bus = open_bus(self.params.bus, self.context.sim_socket)
+        bus = open_bus(self.params.bus, self.context.sim_socket, self.context.sim_timeout)
         self.bar = Bar(bus, self.params.bar)
 
     def tick(self, stamp: int) -> None:

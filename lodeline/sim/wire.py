@@ -17,7 +17,6 @@ from pathlib import Path
 
 from lodeline.sim.adapter import MAX_LENGTH, MAX_MESSAGES, Message
 
-ANSWER_TIMEOUT = 0.1  # s, far more than a transaction takes; then the bus counts as hung
 _FRAME = struct.Struct("!I")
 _MESSAGE = struct.Struct("!HBH")
 _ERRNO = struct.Struct("!H")
@@ -78,10 +77,14 @@ def _receive(connection: socket.socket, length: int) -> bytes:
 
 
 class SocketTransfer:
-    """Carries transactions to the simulator; connects by itself, and again after a failure."""
+    """Carries transactions to the simulator; connects by itself, and again after a failure.
 
-    def __init__(self, path: Path) -> None:
+    An answer that takes longer than `timeout` [s] is given up; None waits for ever.
+    """
+
+    def __init__(self, path: Path, timeout: float | None) -> None:
         self._path = path
+        self._timeout = timeout
         self._connection: socket.socket | None = None
         self._lock = threading.Lock()
 
@@ -126,7 +129,7 @@ class SocketTransfer:
         if self._connection is None:
             connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             try:
-                connection.settimeout(ANSWER_TIMEOUT)
+                connection.settimeout(self._timeout)
                 connection.connect(str(self._path))
             except OSError:
                 connection.close()

@@ -11,11 +11,13 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from lodeline.i2c import open_bus
+from lodeline.sim.adapter import Message
 from lodeline.sim.robot import RobotParams, SimulatedRobot
 from lodeline.sim.server import I2cServer
 from tests.support.live import eventually
@@ -190,6 +192,20 @@ def test_nonsense_from_one_client_does_not_disturb_another(
                 answer = b"".join(iter(lambda: rude.recv(100), b""))
         assert answer in (b"", b"\x00\x00\x00\x02" + errno.EINVAL.to_bytes(2, "big"))
         assert bus.read_byte_data(0x68, 0x75) == 0x71
+
+
+def test_a_slow_answer_is_a_hung_bus_but_never_in_simulated_time(
+    robot: SimulatedRobot, path: Path
+) -> None:
+    class Slow:
+        def transfer(self, messages: Sequence[Message]) -> list[bytes]:
+            time.sleep(0.15)
+            return robot.bus.transfer(messages)
+
+    with I2cServer(Slow(), path):
+        with pytest.raises(TimeoutError):
+            open_bus("sim", path).read_byte_data(0x68, 0x75)
+        assert open_bus("sim", path, None).read_byte_data(0x68, 0x75) == 0x71
 
 
 def test_many_clients_at_once_each_get_their_own_answers(robot: SimulatedRobot, path: Path) -> None:
