@@ -1,14 +1,7 @@
-"""Claims about `lodeline calibrate`: from files and live, what it finds and what it refuses."""
+"""Claims about `lodeline calibrate` from files: what it finds and what it refuses."""
 
 from __future__ import annotations
 
-import json
-import os
-import pty
-import subprocess
-import sys
-import threading
-import time
 from collections.abc import Sequence
 from math import atan2, cos, degrees, pi, radians, sin
 from pathlib import Path
@@ -17,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from lodeline.bus import Client
 from lodeline.calibration import Calibrator, ImuCalibration
 from lodeline.calibration_file import calibrated, load, previous, store
 from lodeline.cli import main
@@ -25,8 +17,8 @@ from lodeline.loading import load_node
 from lodeline.odometry import OdometryParams
 from lodeline.recording.write import RecordingWriter, whole_file
 from lodeline.rotation import Vector, wrap_angle
-from lodeline_msgs import Imu, MagneticField, Message, Twist, WheelTicks, encoding_of, pack
-from tests.support.live import ROOT, Up, environment
+from lodeline_msgs import Imu, MagneticField, Message, WheelTicks
+from tests.support.live import ROOT
 
 ZERO: Vector = (0.02, -0.01, 0.005)
 IRON: Vector = (12.0, -7.0, 3.0)  # uT
@@ -249,115 +241,6 @@ def test_calibrated_keys_are_not_taken_for_raw_ones(
     bag = recorded(tmp_path / "c.mcap", "imu/data", [Imu(1, (0.0, 0.0, 0.0), (0.0, 0.0, 9.8))])
     assert main(["calibrate", "gyro", "--from", str(bag), "-o", str(out)]) == 1
     assert "no key .../data_raw (Imu); it has imu/data" in capsys.readouterr().err
-
-
-PIPELINE = f"""
-name: bench
-external: {{cmd_vel: Twist}}
-nodes:
-  simulator:
-    run: {ROOT}/nodes/simulator.py
-    inputs: {{cmd_vel: cmd_vel}}
-    outputs: {{truth: truth}}
-    params: {{rate: 50, robot: {{seed: 1}}}}
-  imu:
-    run: {ROOT}/nodes/imu.py
-    outputs: {{data_raw: imu/data_raw, mag_raw: imu/mag_raw}}
-    params: {{bus: sim, rate: 100}}
-  calibrate:
-    run: {ROOT}/nodes/calibrate.py
-    inputs: {{data_raw: imu/data_raw, mag_raw: imu/mag_raw}}
-    outputs: {{data: imu/data, mag: imu/mag}}
-    params: {{file: FILE}}
-"""
-
-
-class Driver:
-    """The robot goes as told; `heard` is what calibrations show to the page meanwhile."""
-
-    def __init__(self, up: Up) -> None:
-        self.client = Client(up.folder)
-        self._wheel = self.client.publisher("bench/cmd_vel", encoding_of(Twist))
-        self._speed = (0.0, 0.0)
-        self._over = threading.Event()
-        self.heard: list[dict[str, Any]] = []
-        self.client.subscribe("bench/@calibrating", 64, self._hear)
-        self._thread = threading.Thread(target=self._drive, daemon=True)
-        self._thread.start()
-
-    def go(self, v: float, w: float) -> None:
-        self._speed = (v, w)
-
-    def _hear(self, _key: str, data: bytes, _encoding: str) -> None:
-        self.heard.append(json.loads(data))
-
-    def _drive(self) -> None:
-        while not self._over.wait(0.05):
-            self._wheel.put(pack(Twist(time.time_ns(), *self._speed)))
-
-    def close(self) -> None:
-        self._over.set()
-        self._thread.join()
-        self.client.close()
-
-
-def on_terminal(up: Up, *words: str) -> tuple[int, str]:
-    """Exit code and what a terminal got of a command, standard output included."""
-    ours, theirs = pty.openpty()
-    command = [sys.executable, "-P", "-m", "lodeline", *words]
-    process = subprocess.Popen(command, env=environment(up.run), stdout=theirs, stderr=theirs)
-    os.close(theirs)
-    shown = b""
-    while True:
-        try:
-            data = os.read(ours, 65536)
-        except OSError:  # the last of its writers is gone
-            break
-        if not data:
-            break
-        shown += data
-    os.close(ours)
-    return process.wait(10.0), shown.decode()
-
-
-def test_a_running_robot_is_calibrated_live_and_goes_by_it_at_once(tmp_path: Path) -> None:
-    """It stands for the gyro and spins for the compass; the simulator's own values come out."""
-    out = tmp_path / "live.yaml"
-    pipeline = tmp_path / "bench.yaml"
-    pipeline.write_text(PIPELINE.replace("FILE", str(out)))
-    with Up(pipeline) as up:
-        driver = Driver(up)
-        try:
-            assert up.says("CAL_MISSING")
-            still = up.call("calibrate", "gyro", "-o", str(out), "--seconds", "2.5")
-            assert still.returncode == 0, still.stderr
-            assert "keep the robot still" in still.stderr
-            assert "calibrate goes by it from now on" in still.stdout
-            echo = up.call("topic", "echo", "imu/data", "-n", "20", "--json", "--timeout", "5")
-            rates = [json.loads(line)["angular_velocity"] for line in echo.stdout.splitlines()]
-            assert [sum(axis) / 20 for axis in zip(*rates, strict=True)] == pytest.approx(
-                [0.0] * 3, abs=2e-3
-            )
-            driver.go(0.0, 2.5)
-            code, shown = on_terminal(up, "calibrate", "mag", "-o", str(out), "--seconds", "20")
-            assert code == 0, shown
-            turning = up.call("calibrate", "gyro", "-o", str(out), "--seconds", "2.1")
-            assert turning.returncode == 1, turning.stdout
-            assert "turns" in turning.stderr
-        finally:
-            driver.close()
-    found, _ = calibrated(ImuCalibration(), str(out))
-    assert found.gyro_zero == pytest.approx((0.012, -0.008, 0.006), abs=1e-3)
-    assert found.mag_offset[:2] == pytest.approx((11.5e-6, -1.0e-6), abs=0.6e-6)
-    assert "of 2 turns" in shown and "\u25cf" in shown and "before" in shown
-    assert "uT off its centre, heading wrong by" in shown
-    compass = [said for said in driver.heard if said["kind"] == "mag"]
-    assert all(said["state"] == "running" for said in compass[:-1])
-    assert sum(compass[0]["parts"]) < 6 < 23 < sum(compass[-2]["parts"])
-    end = compass[-1]
-    assert end["state"] == "written"
-    assert len(end["circles"]["after"]) > 40
-    assert driver.heard[-1]["state"] == "refused"
 
 
 def test_odometry_goes_by_measured_wheels_from_where_it_is(tmp_path: Path) -> None:
