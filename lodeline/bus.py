@@ -135,13 +135,31 @@ class Session:
 
     def subscribe_kept(self, key: str, take: Callable[[str, bytes, str], None]) -> None:
         """As `subscribe`, and the last value of each keeper comes at once."""
-        subscriber = zenoh.ext.declare_advanced_subscriber(
+        self._receive(key, self._kept_ring(key), _with_put(take))
+
+    def collect_kept(self, key: str) -> Callable[[Callable[[str, bytes, str], None]], None]:
+        """As `subscribe_kept`, for who looks now and then: gives what came since to `take`.
+
+        Nothing wakes when a sample comes; at most 256 wait, then the oldest go.
+        """
+        subscriber = self._kept_ring(key)
+        self._kept.append(subscriber)
+
+        def collect(take: Callable[[str, bytes, str], None]) -> None:
+            give = _with_put(take)
+            with contextlib.suppress(zenoh.ZError):  # the session is closed
+                while (sample := subscriber.try_recv()) is not None:
+                    give(sample)
+
+        return collect
+
+    def _kept_ring(self, key: str) -> Any:
+        return zenoh.ext.declare_advanced_subscriber(
             self._session,
             key,
             zenoh.handlers.RingChannel(256),
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
         )
-        self._receive(key, subscriber, _with_put(take))
 
     def _receive(self, key: str, subscriber: Any, take: Callable[[zenoh.Sample], None]) -> None:
         def run() -> None:

@@ -106,10 +106,19 @@ class Manifest:
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A pipeline that runs on this machine now."""
+    """A pipeline that runs on this machine now; `written` [ns] is when its manifest was."""
 
     folder: Path
     manifest: Manifest
+    written: int
+
+    def goes_on(self) -> bool:
+        """Whether it still runs, under the same supervisor: a look that reads no file."""
+        try:
+            same = (self.folder / MANIFEST).stat().st_mtime_ns == self.written
+        except OSError:
+            return False
+        return same and _all_locked(self.folder, self.manifest)
 
     def keys(self) -> dict[str, Key]:
         """Keys without the pipeline's name, and what is known of each."""
@@ -226,6 +235,7 @@ def running(name: str | None = None, base: Path | None = None) -> list[Running]:
 def _manifests(base: Path) -> Iterator[Running]:
     for file in base.glob(f"*/*/{MANIFEST}"):
         try:
+            written = file.stat().st_mtime_ns
             values = json.loads(file.read_text(encoding="utf-8"))
             values["keys"] = {key: Key(**known) for key, known in values["keys"].items()}
             values["hosts"] = tuple(values["hosts"])
@@ -238,8 +248,12 @@ def _manifests(base: Path) -> Iterator[Running]:
             manifest = Manifest(**values)
         except (OSError, ValueError, KeyError, TypeError):
             continue  # gone in this moment, or written by another version
-        if all(_is_locked(file.parents[1] / f"{host}.lock") for host in manifest.hosts):
-            yield Running(file.parent, manifest)
+        if _all_locked(file.parent, manifest):
+            yield Running(file.parent, manifest, written)
+
+
+def _all_locked(folder: Path, manifest: Manifest) -> bool:
+    return all(_is_locked(folder.parent / f"{host}.lock") for host in manifest.hosts)
 
 
 def _lock(file: Path, what: str) -> int:

@@ -19,6 +19,8 @@ PATIENCE_S = 2.0
 """After this long without an answer, a tool says what it waits for."""
 CALIBRATING = "@calibrating"
 """Key below the pipeline's name on which a calibration shows how far it is, in JSON."""
+FIRST_LOOK_S = 0.02
+"""How often `statuses` looks whether the first ones are there."""
 LOOK_S = 1.0
 """How often a tool that waits looks whether the pipeline still runs."""
 
@@ -68,10 +70,10 @@ class Watch:
             raise NothingThereError(
                 f"{self.manifest.name} runs, but its hub does not answer: {error}"
             ) from None
-        self._changed = threading.Condition()
+        self._lock = threading.Lock()
         self._statuses: dict[str, NodeStatus] = {}
         self._came: dict[str, float] = {}
-        self._asked = False
+        self._collect: Callable[[Callable[[str, bytes, str], None]], None] | None = None
         self._silent: list[str] = []
 
     def keys(self) -> dict[str, Key]:
@@ -90,16 +92,20 @@ class Watch:
 
     def still_there(self) -> bool:
         """Whether the pipeline still runs under the same supervisor."""
-        pid, name = self.manifest.pid, self.manifest.name
-        return any(item.manifest.pid == pid for item in running(name))
+        return self._target.goes_on()
 
-    def ticks(self, period: float) -> Iterator[None]:
-        """Yields now and every `period` seconds; NothingThereError when the pipeline is gone."""
+    def ticks(self, period: float, sooner: threading.Event | None = None) -> Iterator[None]:
+        """Yields now and every `period` seconds, or when `sooner` is set; NothingThereError when
+        the pipeline is gone.
+        """
         due = looked = time.monotonic()
         while True:
             yield
             due = max(due + period, now := time.monotonic())
-            time.sleep(due - now)
+            if sooner is None:
+                time.sleep(due - now)
+            elif sooner.wait(due - now):
+                due = time.monotonic()
             if due - looked >= LOOK_S:
                 looked = due
                 if not self.still_there():
@@ -110,14 +116,17 @@ class Watch:
 
         After `timeout` seconds it is those that there are, and a word about the others.
         """
-        nodes = set(self.manifest.nodes)
-        with self._changed:
-            if not self._asked:
-                self._asked = True
-                self._client.subscribe_kept(f"{self.manifest.name}/status/*", self._on_status)
-            self._changed.wait_for(lambda: nodes <= set(self._statuses), timeout)
-            silent = [node for node in self.manifest.nodes if node not in self._statuses]
-            statuses = {node: self._statuses[node] for node in nodes & set(self._statuses)}
+        end = time.monotonic() + timeout
+        with self._lock:
+            if self._collect is None:
+                self._collect = self._client.collect_kept(f"{self.manifest.name}/status/*")
+            while True:
+                self._collect(self._on_status)
+                silent = [node for node in self.manifest.nodes if node not in self._statuses]
+                if not silent or time.monotonic() >= end:
+                    break
+                time.sleep(FIRST_LOOK_S)
+            statuses = dict(self._statuses)
         if silent and silent != self._silent:
             print(f"waiting for a status of {', '.join(silent)}", file=sys.stderr, flush=True)
         self._silent = silent
@@ -129,19 +138,17 @@ class Watch:
         except DecodeError as error:
             print(f"a status that cannot be read: {error}", file=sys.stderr)
             return
-        with self._changed:
-            known = self._statuses.get(status.node)
-            # The time that a node goes by may be set back: then its numbering tells.
-            later = known is not None and (known.pid, known.seq) < (status.pid, status.seq)
-            if known is None or later or status.stamp >= known.stamp:
-                self._statuses[status.node] = status
-                self._came[status.node] = time.monotonic()
-            self._changed.notify_all()
+        known = self._statuses.get(status.node)
+        # The time that a node goes by may be set back: then its numbering tells.
+        later = known is not None and (known.pid, known.seq) < (status.pid, status.seq)
+        if known is None or later or status.stamp >= known.stamp:
+            self._statuses[status.node] = status
+            self._came[status.node] = time.monotonic()
 
     def silence(self) -> dict[str, float]:
-        """How long ago [s] the newest status of each node came."""
+        """How long ago [s] the newest status of each node was collected by `statuses`."""
         now = time.monotonic()
-        with self._changed:
+        with self._lock:
             return {node: now - came for node, came in self._came.items()}
 
     def processes(self) -> dict[str, dict[str, Any]]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from pathlib import Path
 
 from lodeline.params import nearest
@@ -19,10 +20,10 @@ from lodeline.run_folder import log_folder, running
 from lodeline.supervisor.log_files import read
 from lodeline.terminal.log_lines import OURS, Line, Lines, is_about, line_text
 from lodeline.terminal.screen import colours
-from lodeline.watch import NothingThereError, Watch, choose
+from lodeline.watch import LOOK_S, NothingThereError, Watch, choose
 
 EXIT_NOTHING = 4
-PERIOD_S = 0.2
+GATHER_S = 0.2
 
 
 def main(argv: list[str]) -> int:
@@ -75,7 +76,9 @@ def _show(watch: Watch, arguments: argparse.Namespace) -> int:
         print(json.dumps(line) if arguments.json else line_text(line, names, coloured))
     sys.stdout.flush()
     try:
-        for _ in watch.ticks(PERIOD_S) if arguments.follow else ():
+        for _ in watch.ticks(LOOK_S, lines.came) if arguments.follow else ():
+            if lines.came.is_set():
+                time.sleep(GATHER_S)  # other hosts and nodes speak of the same event: in order
             for line in lines.new():
                 if is_about(line, wanted):
                     text = json.dumps(line) if arguments.json else line_text(line, names, coloured)

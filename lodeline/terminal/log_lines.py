@@ -19,13 +19,17 @@ Line = dict[str, Any]
 
 
 class Lines:
-    """Reads what supervisors keep and publish; numbers tell which lines were seen already."""
+    """Reads what supervisors keep and publish; numbers tell which lines were seen already.
+
+    `came` is set while new ones wait.
+    """
 
     def __init__(self, watch: Watch) -> None:
         self._watch = watch
         self._lock = threading.Lock()
         self._next: dict[str, int] = {}
         self._waiting: dict[str, list[Line]] = {}
+        self.came = threading.Event()
 
     def follow(self) -> None:
         """Listen; to be called before `kept`, so that nothing falls between."""
@@ -39,6 +43,7 @@ class Lines:
         """Lines that came since; what was missed on the way is asked for again."""
         with self._lock:
             waiting, self._waiting = self._waiting, {}
+            self.came.clear()
         missed = self.kept() if any(self._gap(*item) for item in waiting.items()) else []
         return [*missed, *self._in_order(waiting.items())]
 
@@ -53,6 +58,7 @@ class Lines:
     def _on_lines(self, key: str, data: bytes, _encoding: str) -> None:
         with self._lock:
             self._waiting.setdefault(key.rpartition("/")[2], []).extend(json.loads(data))
+            self.came.set()
 
     def _in_order(self, answers: Iterable[tuple[str, list[Line]]]) -> list[Line]:
         fresh: list[Line] = []

@@ -52,7 +52,12 @@ def test_what_runs_is_found_while_it_runs_and_no_longer(base: Path) -> None:
         assert found.folder == run.path == base / "scuttle" / "robot"
         assert found.manifest == manifest()
         assert running("beego") == []
+        assert found.goes_on()
     assert running() == []
+    assert not found.goes_on()
+    with RunFolder("scuttle", ["robot"]) as run:
+        run.publish(manifest())
+        assert not found.goes_on()  # it is another run
 
 
 def test_the_manifest_of_a_dead_run_is_not_believed(base: Path) -> None:
