@@ -57,7 +57,8 @@ def _run(arguments: list[str]) -> int:
     if verb not in verbs:
         from lodeline.params import nearest
 
-        print(f"lodeline: unknown verb {verb!r}{nearest(verb, verbs)}", file=sys.stderr)
+        advice = nearest(verb, verbs) or ": `lodeline --help` lists them"
+        print(f"lodeline: unknown verb {verb!r}{advice}", file=sys.stderr)
         return USAGE
     code = _load(verbs[verb]).main(arguments[1:])
     return code if isinstance(code, int) else 0
