@@ -22,6 +22,7 @@ LARGEST_ZERO = radians(20.0)  # [rad/s] no working gyro reads more at rest
 LARGEST_SWAY = radians(1.0)  # [rad/s] by which means over half a second may differ at rest
 LARGEST_SHAKE = 0.3  # [m/s^2] likewise
 LARGEST_MISFIT = 0.1  # [m/s^2] RMS of the length of gravity after calibration
+UNKNOWNS = 6  # offset and scale of three axes
 LEAST_LEAN = 0.7  # [g] that every axis must have seen both ways
 SCALES = (0.8, 1.25)
 WINDOW = 0.5  # [s] over which readings are averaged before they are compared
@@ -57,6 +58,11 @@ class AccelFit:
     @property
     def verdict(self) -> str:
         """One line for people."""
+        if self.positions <= UNKNOWNS:
+            return (
+                f"from {self.positions} positions, which six numbers always fit: one more, askew,"
+                " would put it to the test"
+            )
         quality = "good" if self.misfit < 0.3 * LARGEST_MISFIT else "usable"
         return f"{quality}: gravity to {self.misfit:.3f} m/s^2 over {self.positions} positions"
 

@@ -24,7 +24,7 @@ SIDES: tuple[Vector, ...] = (
 )
 OFFSET: Vector = (0.15, -0.10, 0.20)  # m/s^2
 SCALE: Vector = (1.01, 0.98, 1.02)
-TURN_S, REST_S = 0.4, 1.2
+TURN_S, REST_S = 0.3, 1.1
 IMU_ADDRESS, MPU6500 = 0x68, 0x70
 
 
