@@ -106,7 +106,7 @@ class Driver:
         self.heard.append(json.loads(data))
 
     def stands(self) -> bool:
-        return self._last is not None and self._last.v == 0.0 == self._last.w
+        return self._last is not None and abs(self._last.v) + abs(self._last.w) < 1e-3
 
     def _drive(self) -> None:
         while not self._over.wait(0.05):
