@@ -21,8 +21,6 @@ CA = "ca"
 YEARS = 10
 DAYS = 365
 WARN_DAYS = 14
-EPOCH = datetime.datetime.fromtimestamp(0, datetime.UTC)
-"""What a computer without a clock takes for today."""
 LEEWAY = datetime.timedelta(days=1)
 """A certificate is valid from a day before it was made: clocks of robots are not exact."""
 

@@ -211,14 +211,6 @@ def test_up_names_what_is_wrong_with_a_certificate(keys: Path, tmp_path: Path) -
         certificates.check(foreign, "laptop")
 
 
-def test_a_clock_before_the_certificate_is_suspected(
-    keys: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(certificates, "_now", lambda: certificates.EPOCH)
-    with pytest.raises(KeysError, match="here it is 1970-01-01: is the clock of this host wrong"):
-        certificates.check(keys, "robot")
-
-
 def test_keys_are_for_their_owner_only(keys: Path) -> None:
     for file in keys.glob("*.key"):
         assert file.stat().st_mode & 0o077 == 0
