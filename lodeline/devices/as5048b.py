@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from lodeline.devices.counter import BRIDGE, Counter
+from lodeline.devices.counter import Counter
 from lodeline.devices.link import Health, Link
 from lodeline.i2c import Bus
 
@@ -64,16 +64,14 @@ class _Encoder:
         raw = link.attempt(now_s, self._burst)
         if raw is None or not self._is_valid(raw[0]):
             return None
-        jumped = self.counter.refused > 0
         known = self.counter.update(now_s, (raw[3] << 6) | (raw[4] & 0x3F))
         if self.counter.refused:
             if self.counter.refused == 1:
                 link.health.tell(f"ENC_JUMP {self._name}: too large a step, reading dropped")
             return None
         if not known:
-            why = "angle jumped" if jumped else f"silent for over {BRIDGE:g} s"
-            link.health.tell(f"ENC_GAP {self._name}: {why}, counts from 0")
-        return known
+            link.health.tell(f"ENC_GAP {self._name}: {self.counter.why}, counts from 0")
+        return None if self.counter.waiting else known
 
     @property
     def count(self) -> int:
@@ -118,8 +116,9 @@ TROUBLES = {
 class Encoders:
     """The driver of both wheels. A lost reading drops the sample; the next one is right again.
 
-    After a silence of over 1 s both counts start from 0 again, for nobody knows how often the
-    wheels went round: odometry takes that as a new reference, not as way.
+    After a silence of over 1 s, or one in which a wheel changed its speed so much that a whole
+    turn may hide in it, both counts start from 0 again, for nobody knows how often the wheels went
+    round: odometry takes that as a new reference, not as way.
     """
 
     def __init__(

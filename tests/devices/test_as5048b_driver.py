@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from lodeline.devices.as5048b import Encoders, EncodersParams
 from lodeline.devices.counter import TURN, Counter
+from lodeline.odometry import Odometry, OdometryEstimate, OdometryParams
 from tests.devices.rig import MakeRig
 
 PER_RADIAN = TURN / (2.0 * pi)
@@ -37,6 +38,34 @@ def test_a_steady_wheel_is_counted_through_roll_overs_and_gaps(speed: int) -> No
     for now in times:
         assert counter.update(now, round(speed * now) % TURN)
     assert counter.count == pytest.approx(speed * times[-1], abs=1)
+
+
+@pytest.mark.parametrize("end", [1.3, 1.5, 1.9])
+@pytest.mark.parametrize("change", [6000.0, -9000.0, 40_000.0, -70_000.0])
+def test_over_a_gap_in_which_the_wheel_changes_its_speed_no_turn_is_lost_in_silence(
+    end: float, change: float
+) -> None:
+    """A wheel at 2 turns/s speeds up or brakes (counts/s^2) while nobody reads it."""
+
+    def way(now: float) -> float:
+        return (
+            30_000.0 * now
+            + 0.5 * change * min(max(now - 1.0, 0.0), end - 1.0) ** 2
+            + (change * (end - 1.0) * max(now - end, 0.0))
+        )
+
+    counter = Counter()
+    for i in range(101):
+        assert counter.update(0.01 * i, round(way(0.01 * i)) % TURN)
+    assert counter.update(end, round(way(end)) % TURN)
+    assert counter.waiting, "it takes two readings to know the speed after the gap"
+    honest = counter.update(end + 0.01, round(way(end + 0.01)) % TURN)
+    if abs(change) * (end - 1.0) ** 2 < 0.4 * TURN:
+        assert honest
+    if honest:
+        assert counter.count == pytest.approx(way(end + 0.01), abs=2)
+    else:
+        assert (counter.count, counter.why) == (0, "speed changed while silent")
 
 
 def test_after_a_longer_gap_the_count_starts_from_zero() -> None:
@@ -133,6 +162,28 @@ def test_after_a_long_silence_both_counts_start_from_zero_together(rig: MakeRig)
     assert got[0] == (0, 0), "what odometry takes for a new reference"
     assert encoders.health.message.startswith("ENC_GAP encoders left: silent for over 1 s")
     assert all(0 <= b[0] - a[0] < 400 for a, b in pairwise(got))
+
+
+def test_a_robot_that_turns_round_unseen_is_announced_to_odometry_not_guessed(
+    rig: MakeRig,
+) -> None:
+    bench = rig(slip=0.0)
+    encoders = Encoders(bench.bus)
+    odometry = Odometry(OdometryParams(ticks_per_turn=TURN))
+
+    def read(now: float) -> OdometryEstimate | None:
+        bench.robot.command(0.4 if now < 2.0 else -0.4, 0.0)
+        counts = encoders.read(now)
+        return odometry.update(round(now * 1e9), *counts) if counts else None
+
+    before = [each for _, each in bench.run(2.0, 100.0, read) if each][-1]
+    bench.robot.command(-0.4, 0.0)
+    bench.now += 0.5  # in which this process was not given the processor
+    after = [each for _, each in bench.run(3.0, 100.0, read) if each]
+    assert (before.resets, before.interval > 0.0) == (0, True)
+    assert (after[0].resets, after[0].interval) == (1, 0.0)
+    assert (after[0].x, after[0].y) == (before.x, before.y), "the pose stays, and says so"
+    assert after[-1].v == pytest.approx(-0.4, abs=0.02)
 
 
 def test_a_successor_counts_on_as_if_nothing_had_happened(rig: MakeRig) -> None:
