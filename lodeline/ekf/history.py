@@ -81,6 +81,9 @@ class History(Generic[B]):
             return "duplicate"
         if kind and len(nodes) >= self.WAITING and nodes[-self.WAITING].after is None:
             return "full"
+        if not kind and keys:  # before the replay of all that waited, which needs their room
+            self._drop_before(stamp_ns - self._span_ns)
+            i = bisect_left(keys, key)
         node: Node[B] = Node(sample)
         keys.insert(i, key)
         nodes.insert(i, node)
@@ -152,10 +155,13 @@ class History(Generic[B]):
         if motion is None:
             return
         oldest = motion.stamp_ns - self._span_ns
-        if self._keys[0][0] < oldest - self._span_ns // 8:
-            self._drop(bisect_left(self._keys, (oldest, 0)))
         self._crowd_out()
         self._horizon = max(self._horizon, (oldest, -1))
+
+    def _drop_before(self, oldest: int) -> None:
+        """Drops what is older, once it is an eighth of the span."""
+        if self._keys[0][0] < oldest - self._span_ns // 8:
+            self._drop(bisect_left(self._keys, (oldest, 0)))
 
     def _crowd_out(self) -> None:
         """Drops the oldest of too many samples."""
