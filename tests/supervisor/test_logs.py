@@ -44,7 +44,8 @@ def test_the_last_lines_before_a_crash_are_shown_even_out_of_a_flood(supervise: 
 
 def test_what_a_node_prints_cannot_steer_the_terminal(supervise: Start) -> None:
     up = supervise(("rogue", "escape"))
-    up.wait("rogue", re.escape(r"red \x1b]0;title\x07 bell") + "$")
+    up.wait("rogue", "red")
+    assert up.said("rogue", re.escape(r"red \x1b]0;title\x07 bell") + "$")
 
 
 def test_text_stays_as_it_is() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.supervisor.talk import Start, Talk, alive, until
+from tests.supervisor.talk import Start, Talk, alive, patience, until
 
 LIMIT_S = 0.5
 
@@ -33,7 +33,7 @@ def test_nothing_survives_a_killed_supervisor(supervise: Start, run: int) -> Non
     os.kill(up.pid("still"), signal.SIGSTOP)
     assert all(alive(pid) for pid in pids)
     up.signal(signal.SIGKILL)
-    until(lambda: not any(alive(pid) for pid in pids), LIMIT_S)
+    assert until(lambda: not any(map(alive, pids)), 10.0) < LIMIT_S * patience()
 
 
 def test_a_killed_guard_has_a_successor_that_knows_all(supervise: Start) -> None:
