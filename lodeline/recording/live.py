@@ -43,6 +43,8 @@ def record_live(
                 end = FULL if recorder.stopped.is_set() else OVER if left <= 0.0 else INTERRUPTED
                 break
             recorder.tend()
+            if recorder.room.news:
+                print(recorder.room.news, file=sys.stderr, flush=True)
             elapsed = time.monotonic() - begun
             progress(elapsed)
             if patient and elapsed > PATIENCE_S and not recorder.samples:

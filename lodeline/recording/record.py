@@ -16,6 +16,7 @@ from typing import BinaryIO, cast
 
 from lodeline.clock import HostClock, epoch_offset
 from lodeline.recording import RecordingError
+from lodeline.recording.room import Room
 from lodeline.recording.sink import Sink
 from lodeline.recording.summary import KeySummary
 from lodeline.recording.write import RecordingWriter
@@ -38,7 +39,7 @@ class Recorder:
     """Writes samples of the keys `types` (with their classes, without the pipeline's name).
 
     `take` is called by the threads of the bus; `tend` by the thread that owns the recorder, twice
-    a second, and `close` at the end. `stopped` is set when the disk takes no more.
+    a second, and `close` at the end. `stopped` is set when the disk takes no more, or shall not.
     """
 
     def __init__(
@@ -54,6 +55,7 @@ class Recorder:
         self.refused: dict[str, str] = {}
         self.stopped = threading.Event()
         self.sink = Sink(path, replace=replace)
+        self.room = Room(path.absolute().parent)
         self._prefix = f"{pipeline}/"
         self._clock = HostClock(epoch_offset())
         self._writer = RecordingWriter(cast(BinaryIO, self.sink), metadata)
@@ -91,10 +93,11 @@ class Recorder:
         with self._lock:
             self._writer.flush()
             self.sink.hold()
+        self.room.look(self.sink.written)
         self._look()
 
     def _look(self) -> None:
-        if self.sink.full or self.sink.error:
+        if self.sink.full or self.sink.error or self.room.gone:
             self.stopped.set()
 
     def _sync(self) -> None:

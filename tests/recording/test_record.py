@@ -164,6 +164,27 @@ def test_a_disk_without_room_to_begin_with_is_refused(small_disk: Callable[[int]
     assert list(folder.iterdir()) == []
 
 
+def test_a_disk_that_gets_full_is_told_of_once_and_its_last_200_mb_are_left_to_others(
+    small_disk: Callable[[int], Path],
+) -> None:
+    folder = small_disk(400_000_000)
+    made = recorder(folder / "run.mcap")
+    said = []
+    for seq in range(4):
+        made.take("rover/imu/data", imu(seq), IMU)
+        made.tend()
+        said.append(made.room.news)
+        if seq == 2:
+            assert not made.stopped.is_set()
+            with (folder / "of somebody else").open("wb") as other:
+                os.posix_fallocate(other.fileno(), 0, 210_000_000)
+    assert made.stopped.is_set()
+    assert said == ["DISK_LOW 399 MB left on the disk of " + str(folder), "", "", ""]
+    made.close("disk full")
+    assert not made.sink.full
+    assert numbers(folder / "run.mcap") == [0, 1, 2, 3]
+
+
 # -- beside a running pipeline -----------------------------------------------------------------
 
 
@@ -358,7 +379,9 @@ def test_a_live_recorder_on_a_full_disk_says_so_and_leaves_a_readable_file(
     process = start(up, "-o", str(file))
     _, complaints = process.communicate(timeout=30.0)
     assert process.returncode == 1
-    assert complaints.startswith("DISK_FULL recording stopped at ")
+    low, full = complaints.splitlines()
+    assert low.startswith("DISK_LOW 0 MB left on the disk of ")
+    assert full.startswith("DISK_FULL recording stopped at ")
     with Recording(file) as recording:
         assert recording.metadata["end"] == "disk full"
         assert all(key.lost == 0 for key in summarize(recording).keys.values())
