@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from shlex import quote
 from typing import Any, TypeVar
 
 from lodeline.calibration import ImuCalibration
@@ -28,10 +29,14 @@ SECTIONS = ("gyro", "accel", "mag", "wheels")
 
 
 class CalibrationFileError(Exception):
-    """No calibration can be had from a file; the text begins with CAL_MISSING or CAL_CORRUPT.
+    """No calibration can be had from a file: CAL_MISSING, CAL_CORRUPT or CAL_OTHER begins the text.
 
     Or none can be put there: the text says why.
     """
+
+
+class OtherSensorError(ValueError):
+    """The calibration was made for another sensor than the one that the parameters name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +103,7 @@ def calibrated(params: C, file: str) -> tuple[C, str]:
     """The parameters with those of a file in their place, and a note if it was not whole.
 
     Without a name of a file, the parameters as they are. CalibrationFileError for a file that is
-    missing, damaged, or says what makes no sense.
+    missing, damaged, of another sensor than `params.chip`, or says what makes no sense.
     """
     if not file:
         return params, ""
@@ -106,6 +111,8 @@ def calibrated(params: C, file: str) -> tuple[C, str]:
     loaded = load(path)
     try:
         return _with_sections(params, loaded.sections), loaded.note
+    except OtherSensorError as error:
+        raise CalibrationFileError(f"CAL_OTHER {path}: {error}") from None
     except ValueError as error:
         raise CalibrationFileError(f"CAL_CORRUPT {path}: {error}") from None
 
@@ -113,7 +120,7 @@ def calibrated(params: C, file: str) -> tuple[C, str]:
 def calibrated_by(params: C, data: bytes) -> C:
     """The parameters with those of a file that holds `data` in their place.
 
-    ValueError if that is damaged, or says what makes no sense.
+    ValueError if that is damaged, of another sensor, or says what makes no sense.
     """
     return _with_sections(params, _parsed(data, "the calibration"))
 
@@ -121,7 +128,16 @@ def calibrated_by(params: C, data: bytes) -> C:
 def _with_sections(params: C, sections: Mapping[str, Section]) -> C:
     from lodeline.params import build
 
-    known = {item.name for item in fields(params)}
+    # Chips have no number that could be read: people name them, here and in the file.
+    chip = getattr(params, "chip", "")
+    for name, section in sections.items():
+        if chip and name != "wheels" and section.get("chip") != chip:
+            made_for = section.get("chip", "not told")
+            raise OtherSensorError(
+                f"{name} was made for the chip {made_for!r}, this is {chip!r}: "
+                f"run `lodeline calibrate {name} --chip {quote(chip)}`"
+            )
+    known = {item.name for item in fields(params)} - {"chip"}
     values = {
         name: value
         for section in sections.values()

@@ -14,9 +14,13 @@ from lodeline_msgs import Imu, MagneticField
 
 @dataclass(frozen=True, slots=True)
 class CalibrateParams(ImuCalibration):
-    """The numbers themselves, or the file of `lodeline calibrate` whose numbers go before them."""
+    """The numbers themselves, or the file of `lodeline calibrate` whose numbers go before them.
+
+    With a `chip`, a file made for another one (see `lodeline calibrate --chip`) is refused.
+    """
 
     file: Annotated[str, "YAML, its path from where `lodeline up` is called"] = ""
+    chip: Annotated[str, "the name that you gave to this very sensor"] = ""
 
 
 class Calibrate(Node[CalibrateParams]):

@@ -104,6 +104,28 @@ def test_a_damaged_file_never_takes_the_place_of_the_version_before(file: Path) 
     assert load(file).sections == {"gyro": ZERO, "mag": IRON}
 
 
+def test_a_calibration_of_another_sensor_is_refused_at_the_start_and_in_mid_run(
+    file: Path,
+) -> None:
+    store(file, "gyro", ZERO | {"chip": "board 3"})
+    calibrate, graph, out = node(file=str(file), chip="board 7")
+    assert out == []
+    assert calibrate.context.state == "fault"
+    assert calibrate.context.last_error == (
+        f"CAL_OTHER {file}: gyro was made for the chip 'board 3', this is 'board 7': "
+        "run `lodeline calibrate gyro --chip 'board 7'`"
+    )
+    with pytest.raises(ValueError, match="made for the chip 'board 3'"):
+        calibrate.calibrate(file.read_bytes())
+    graph.deliver("data_raw", Imu(3, (0.5, 0.0, -0.25), (0.0, 0.0, 9.8)))
+    assert out == []
+    store(file, "gyro", ZERO | {"chip": "board 7"})
+    calibrate.calibrate(file.read_bytes())
+    graph.deliver("data_raw", Imu(4, (0.5, 0.0, -0.25), (0.0, 0.0, 9.8)))
+    assert [sample.angular_velocity for sample in out if isinstance(sample, Imu)] == [(0, 0, 0)]
+    assert calibrate.context.state == "running"
+
+
 def test_without_any_good_file_nothing_false_is_sent_and_the_remedy_is_told(file: Path) -> None:
     calibrate, _, out = node(file=str(file))
     assert out == []
