@@ -48,9 +48,9 @@ def test_a_node_that_spins_is_aborted_with_a_stack_and_comes_back(supervise: Sta
     up = supervise(("ekf", "spin"), ("sink", "good"), watchdog=1.0)
     up.wait("lodeline", "NODE_SILENT ekf for 1 s")
     up.wait("lodeline", r"NODE_EXIT ekf: SIGABRT, restart 1")
+    up.wait("ekf", "start", 2)  # by then all is said about its predecessor
     assert up.said("ekf", r".*in spin_without_a_beat")
     assert up.said("lodeline", r"  ekf said: .*in spin_without_a_beat")
-    up.wait("ekf", "start", 2)
     assert up.starts("sink") == 1
 
 
@@ -80,7 +80,7 @@ def test_a_node_that_never_gets_ready_is_treated_as_crashed(supervise: Start) ->
 def test_a_crash_loop_ends_after_six_starts_while_the_others_go_on(supervise: Start) -> None:
     up = supervise(("bad", "crash"), ("sink", "good"), backoff={"first": 0.01})
     up.wait("lodeline", "NODE_FAILED bad: exit 1, given up after start 6")
-    assert up.said("lodeline", "  bad said: RuntimeError: broken on purpose")
+    assert up.wait("lodeline", "  bad said: RuntimeError: broken on purpose")
     up.wait("lodeline", "released")
     assert up.starts("bad") == 6
     assert up.starts("sink") == 1
