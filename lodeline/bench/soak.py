@@ -54,13 +54,17 @@ def main(argv: list[str]) -> int:
     kills = sorted(when for record in records.values() for when in record.kills)
     print(f"{arguments.minutes:g} min, {len(kills)} kills, seed {arguments.seed}")
     print(report(records, states))
-    calm = [
-        error
+    away = [
+        (when in doubtful, error)
         for when, error in errors
-        if when not in doubtful and not any(0.0 <= when - kill <= AFTERMATH_S for kill in kills)
+        if not any(0.0 <= when - kill <= AFTERMATH_S for kill in kills)
     ]
     print(f"pose: {len(doubtful) / max(1, len(rig.poses)):.1%} of the time ambiguous")
-    return verdict(records, states, calm)
+    unsure = sorted(error for doubted, error in away if doubted)
+    if unsure:
+        middle, most = unsure[len(unsure) // 2], unsure[-1]
+        print(f"pose while ambiguous: median {middle * 1e3:.1f} mm, max {most * 1e3:.1f} mm off")
+    return verdict(records, states, [error for doubted, error in away if not doubted])
 
 
 def parser() -> argparse.ArgumentParser:

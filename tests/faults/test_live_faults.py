@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import re
 import signal
@@ -17,9 +18,11 @@ import msgpack
 import pytest
 
 from lodeline.bus import Client
+from lodeline.dash.gateway import Gateway
 from lodeline.supervisor.usage import resident
 from lodeline.watch import Watch
 from lodeline_msgs import NodeStatus, Twist, WheelTicks, encoding_of, pack, unpack
+from tests.dash.support import Reader, connecting
 from tests.faults.nodes.stuck import ENOUGH
 from tests.faults.test_hostile_samples import BROKEN
 from tests.supervisor.talk import patience
@@ -157,6 +160,27 @@ def test_check_names_what_is_not_well_and_exits_with_5_for_a_failed_process(rig:
 
     assert eventually(all_named, 20.0, 0.5), said
     assert " relay: " not in said[1]
+
+
+def test_the_page_is_told_of_a_rate_that_is_off_and_of_silence(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LODELINE_RUN", str(rig.up.run))
+
+    async def told() -> dict[str, tuple[str, str]]:
+        async with Gateway("faulty") as gateway, connecting(gateway.port) as socket:
+            reader = Reader(socket)
+            await reader.say(do="hello", token="")
+            nodes: dict[str, Any] = {}
+            while not {"half", "mute"} <= nodes.keys():
+                nodes = (await reader.hear("status"))["nodes"]
+            return {name: (nodes[name]["state"], nodes[name]["last_error"]) for name in nodes}
+
+    shown = asyncio.run(told())
+    assert shown["half"][0] == "degraded"
+    assert re.match(r"RATE faulty/half: \d+\.\d Hz, 100 declared", shown["half"][1])
+    assert shown["mute"][0] == "fault"
+    assert shown["mute"][1].startswith("NO_DATA faulty/mute: nothing for ")
 
 
 @pytest.fixture(scope="module")
