@@ -1,7 +1,7 @@
 """Watch the nodes of a running pipeline: state, rates, ages, losses, cost, last error.
 
 Shown anew every second until Ctrl-C. The figures are those that every node publishes about
-itself: watching costs the pipeline nothing. Ages are the oldest of a node's inputs, since the
+itself: watching costs it next to nothing. Ages are the oldest of a node's inputs, since the
 sensor was read; losses are counts since the node started. Exit codes: 0 shown, 2 usage,
 4 nothing runs (any more), 130 interrupted.
 """

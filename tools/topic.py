@@ -1,8 +1,8 @@
 """Look at the keys of a running pipeline: list, info, echo, hz, bw, delay; send on them: pub.
 
 All but echo and pub read the counters that every node publishes once a second: watching costs
-the pipeline nothing. A key may be named without the pipeline's name, or by its end if that is
-unique. Exit codes: 0 shown, 1 nothing came in time, 2 usage, 4 nothing runs or no such key.
+it next to nothing. A key may be named without the pipeline's name, or by its end if that is unique.
+Exit codes: 0 shown, 1 nothing came in time, 2 usage, 4 nothing runs or no such key.
 """
 
 from __future__ import annotations

@@ -164,7 +164,7 @@ def test_a_running_robot_is_calibrated_live_and_goes_by_it_at_once(tmp_path: Pat
             assert [sum(axis) / 20 for axis in zip(*rates, strict=True)] == pytest.approx(
                 [0.0] * 3, abs=2e-3
             )
-            driver.go(0.0, 2.5)
+            driver.go(0.0, 3.5)
             code, shown = on_terminal(up, "calibrate", "mag", "-o", str(out), "--seconds", "20")
             assert code == 0, shown
             turning = up.call("calibrate", "gyro", "-o", str(out), "--seconds", "2.1")
@@ -174,7 +174,7 @@ def test_a_running_robot_is_calibrated_live_and_goes_by_it_at_once(tmp_path: Pat
             assert eventually(lambda: driver.stands())
             line = start(up, "calibrate", "wheels", "--distance", "0.6", "-o", str(out))
             assert eventually(lambda: driver.heard[-1]["kind"] == "wheels")
-            driver.drive_a_line(0.3, 0.6)
+            driver.drive_a_line(0.4, 0.6)
             said, asked = line.communicate(timeout=30.0)
             assert line.returncode == 0, asked
         finally:

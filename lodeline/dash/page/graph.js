@@ -11,7 +11,8 @@ const RIGHT = 140; // room for keys that nobody here reads
 const TOP = 10;
 const LEGEND = "key, rate, age on arrival: median / 99 %, \u2715 samples lost or too late";
 const ONE_LINE = 235; // px between two layers in which a label needs but one line
-const TWINS = { one: 24, two: 32 }; // px between two wires of a pair, by the lines of their labels
+const TWINS = { one: 24, two: 31 }; // px between two wires of a pair, by the lines of their labels
+const UP = 2.5; // px
 
 export class Graph {
   constructor(place, onPick) {
@@ -64,8 +65,9 @@ export class Graph {
       const from = edge.from && places.get(edge.from);
       const twins = edges.filter((other) => other.to === edge.to && (from ? other.from === edge.from : !other.from));
       const place = twins.indexOf(edge);
-      const apart = this.gap >= ONE_LINE ? TWINS.one : TWINS.two;
-      const aside = (place - (twins.length - 1) / 2) * apart;
+      const one = this.gap >= ONE_LINE;
+      const pair = (place - (twins.length - 1) / 2) * (one ? TWINS.one : TWINS.two);
+      const aside = one || twins.length === 1 ? pair : pair - UP; // away from the row below
       const end = [to.x, to.y + NODE.height / 2 + aside];
       if (from) {
         const start = [from.x + NODE.width, from.y + NODE.height / 2 + aside];
