@@ -19,6 +19,8 @@ PATIENCE_S = 2.0
 """After this long without an answer, a tool says what it waits for."""
 CALIBRATING = "@calibrating"
 """Key below the pipeline's name on which a calibration shows how far it is, in JSON."""
+SILENT_S = 3.0
+"""A node that has said nothing of itself for so long is shown as silent."""
 FIRST_LOOK_S = 0.02
 """How often `statuses` looks whether the first ones are there."""
 LOOK_S = 1.0

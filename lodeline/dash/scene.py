@@ -11,6 +11,7 @@ from lodeline.keys import is_truth
 from lodeline.pipeline.model import Pipeline
 from lodeline.recording.localizer import params_of
 from lodeline.run_folder import Manifest
+from lodeline.watch import SILENT_S
 from lodeline_msgs import NodeStatus, Twist
 
 
@@ -109,7 +110,11 @@ def brief(value: Any) -> Any:
 
 
 def status_of(status: NodeStatus, prefix: str, age: float) -> dict[str, Any]:
-    """What a node said of itself `age` seconds ago, its keys without the pipeline's name."""
+    """What a node said of itself `age` seconds ago, its keys without the pipeline's name.
+
+    Of one that is silent, what it has counted stays; that it sends nothing is all that is known.
+    """
+    silent = age > SILENT_S
 
     def short(counters: Mapping[str, Any]) -> dict[str, Any]:
         return {key.removeprefix(prefix): brief(value) for key, value in counters.items()}
@@ -118,15 +123,15 @@ def status_of(status: NodeStatus, prefix: str, age: float) -> dict[str, Any]:
         "host": status.host,
         "state": status.state,
         "pid": status.pid,
-        "rates": short(status.rates),
-        "age_p50": short(status.age_p50),
-        "age_p99": short(status.age_p99),
+        "rates": short(dict.fromkeys(status.rates, 0.0) if silent else status.rates),
+        "age_p50": {} if silent else short(status.age_p50),
+        "age_p99": {} if silent else short(status.age_p99),
         "received": short(status.received),
         "lost": short(status.lost),
         "late": short(status.late),
         "rejected": dict(status.rejected),
         "restarts": status.restarts,
-        "cpu": brief(status.cpu),
+        "cpu": 0.0 if silent else brief(status.cpu),
         "rss": status.rss,
         "last_error": status.last_error,
         "jitter": brief(status.jitter),

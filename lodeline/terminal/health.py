@@ -8,6 +8,7 @@ from typing import Any
 from lodeline.run_folder import Manifest
 from lodeline.tables import table
 from lodeline.terminal.traffic import milliseconds
+from lodeline.watch import SILENT_S
 from lodeline_msgs import NodeStatus
 
 Row = dict[str, Any]
@@ -18,8 +19,6 @@ HEADINGS = (
 )
 RIGHT = HEADINGS[3:-1]
 _COUNTERS = ("lost", "late", "rejected")
-SILENT_S = 3.0
-"""A node that has said nothing for so long is shown as silent."""
 
 
 def health(
@@ -30,24 +29,26 @@ def health(
 ) -> list[Row]:
     """Rows by node: rates [Hz] by key; the oldest ages [s] of its inputs; losses of all of them.
 
-    `silence` [s] is how long ago each status came, `processes` what the supervisors say.
+    `silence` [s] is how long ago each status came, `processes` what the supervisors say. Of a node
+    that is silent there is what it counted before.
     """
     rows = []
     for node in manifest.nodes:
         status, process = statuses.get(node), processes.get(node, {})
+        now = None if silence.get(node, 0.0) > SILENT_S else status
         rows.append(
             {
                 "node": node,
                 "host": process.get("host", status.host if status else manifest.host),
                 "state": _state(status, silence.get(node, 0.0), process.get("state")),
-                "rates": _rates(manifest, status),
-                "age_p50": max(status.age_p50.values(), default=None) if status else None,
-                "age_p99": max(status.age_p99.values(), default=None) if status else None,
+                "rates": _rates(manifest, now),
+                "age_p50": max(now.age_p50.values(), default=None) if now else None,
+                "age_p99": max(now.age_p99.values(), default=None) if now else None,
                 "lost": sum(status.lost.values()) if status else None,
                 "late": sum(status.late.values()) if status else None,
                 "rejected": sum(status.rejected.values()) if status else None,
-                "jitter": status.jitter if status else None,
-                "cpu": status.cpu if status else None,
+                "jitter": now.jitter if now else None,
+                "cpu": now.cpu if now else None,
                 "rss": status.rss if status else None,
                 "restarts": process.get("restarts", status.restarts if status else None),
                 "last_error": status.last_error if status else "",

@@ -1,6 +1,6 @@
 // How each node fares, put together from its own words, its supervisor's, and its promises.
 
-const SILENT_S = 3.5;
+const SILENT_S = 3; // as in lodeline/watch.py
 const BUSY = { starting: "starting", ready: "starting", waiting: "waiting", hung: "hung", stopping: "stopping" };
 const MARKS = { good: "\u25cf", warn: "\u25b2", bad: "\u2715" };
 

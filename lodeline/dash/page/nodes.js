@@ -107,11 +107,11 @@ export class Detail {
       el("dt", {}, "State"), el("dd", { class: "state" }, `${mark} ${word}`),
       ...fact("Host", said?.host ?? process?.host),
       ...fact("Process", process && `${process.process}, pid ${process.pid ?? NONE}`),
-      ...fact("Up", process?.uptime && duration(process.uptime)),
+      ...fact("Up", process?.uptime ? duration(process.uptime) : ""),
       ...fact("Restarts", process?.restarts ?? said?.restarts),
       ...fact("Last exit", process?.last_exit),
       ...fact("CPU, memory", said && `${percent(said.cpu)}, ${fixed(said.rss / MB, 0)} MB`),
-      ...fact("Ticks late by", said?.jitter && `${fixed(1000 * said.jitter, 2)} ms (99 %)`),
+      ...fact("Ticks late by", said?.jitter ? `${fixed(1000 * said.jitter, 2)} ms (99 %)` : ""),
       ...fact("Scheduling", [process?.scheduling, process?.refused].filter(Boolean).join("; ")),
       ...fact("Last error", said?.last_error));
     const parts = [facts];
