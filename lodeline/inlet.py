@@ -56,7 +56,7 @@ class Inlet(Generic[M]):
         self._deliver = deliver
         self._may_send = may_send
         self._held: list[tuple[bytes, str]] | None = None
-        self._source = ""
+        self.source = ""
         self._stranger: str | None = None
         self._ask_again = 0
         self._last_seq = -1
@@ -73,7 +73,7 @@ class Inlet(Generic[M]):
             if len(self._held) < MOST_HELD:
                 self._held.append((data, source))
             return
-        if source != self._source and not self._changes_hands(source):
+        if source != self.source and not self._changes_hands(source):
             return
         try:
             message = self.unpack(data)
@@ -126,7 +126,7 @@ class Inlet(Generic[M]):
             self._stranger, self._ask_again = source, now + ASK_AGAIN_NS
             self._refuse("foreign", f"from {source or 'a nameless sender'}, not the node's process")
             return False
-        self._source = source
+        self.source = source
         self._last_seq = -1
         return True
 

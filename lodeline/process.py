@@ -23,6 +23,7 @@ from lodeline.clock import Clock, HostClock, RecordingClock
 from lodeline.graph import Graph
 from lodeline.health import Gossip
 from lodeline.inlet import Inlet, anybody
+from lodeline.intake import Edge, Intake
 from lodeline.keepsake import Keepsake
 from lodeline.launch import VARIABLE, Launch, NodeLaunch
 from lodeline.loading import load_node
@@ -71,6 +72,7 @@ class NodeProcess:
         }
         marks = {name: item.restore() for name, item in self.keepsakes.items() if launch.restarts}
         self.missed = Missed()
+        self.intake = Intake(self.lock)
         self.bus = Peer(folder, launch.process)
         self.publishers: dict[str, Publisher] = {}
         self.status = StatusReporter(self.launch, self.nodes, self.bus)
@@ -113,19 +115,11 @@ class NodeProcess:
             if marks is not None and port in item.guarded:
                 self.missed.hold(inlet, marks.get(edge.key, 0))
             self.status.watch(item.name, inlet)
-            self.bus.subscribe_from(edge.key, edge.queue, self._taker(inlet))
+            way = Edge(self.intake, inlet, edge.queue)
+            self.bus.subscribe_directly(edge.key, way.arrive)
 
     def _is_neighbour(self, source: str) -> bool:
         return source in self.bus.neighbours()
-
-    def _taker(self, inlet: Inlet[Any]) -> Any:
-        lock, take = self.lock, inlet.take
-
-        def taker(source: str, data: bytes) -> None:
-            with lock:
-                take(data, source)
-
-        return taker
 
     def _calibrate(self, node: Node[Any], data: bytes) -> bytes:
         try:
@@ -231,7 +225,7 @@ class NodeProcess:
             self.lock.release()
         for keepsake, state in states:
             keepsake.store(state)
-        return self.bus.alive() and all(ticker.alive() for ticker in self.tickers)
+        return self.intake.alive() and all(ticker.alive() for ticker in self.tickers)
 
     def _close(self) -> None:
         for ticker in self.tickers:
