@@ -27,12 +27,13 @@ class Intake:
         self.lock = lock
         self.turns: SimpleQueue[Edge] = SimpleQueue()
         self.bus_free_at = 0.0
+        self.ended = False  # by a handler that would end its thread, which is not ours to end
         self._thread = threading.Thread(target=self._run, name="intake", daemon=True)
         self._thread.start()
 
     def alive(self) -> bool:
         """Whether somebody cares for what waits."""
-        return self._thread.is_alive()
+        return self._thread.is_alive() and not self.ended
 
     def _run(self) -> None:
         next_turn, lock = self.turns.get, self.lock
@@ -65,6 +66,9 @@ class Edge:
                     self._quick = ended - began < QUICK_S
                     intake.bus_free_at = ended + (ended - began)
                     return
+            except BaseException:
+                intake.ended = True
+                raise
             finally:
                 intake.lock.release()
         self._waiting.append((data, source))

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable, Iterator
 from queue import Queue
 
+import pytest
+
 from lodeline.clock import HostClock, epoch_offset
 from lodeline.inlet import Inlet
 from lodeline.intake import QUICK_S, Edge, Intake
@@ -26,7 +28,8 @@ class Line:
         self.work: Callable[[], None] = lambda: None
         clock = HostClock(epoch_offset())
         self.inlet = Inlet("wheels", WheelTicks, None, clock, print, self._handle, self._may_send)
-        self.edge = Edge(Intake(self.lock), self.inlet, queue)
+        self.intake = Intake(self.lock)
+        self.edge = Edge(self.intake, self.inlet, queue)
         self.sent = 0
 
     def _handle(self, ticks: WheelTicks) -> None:
@@ -131,6 +134,27 @@ def test_the_bus_has_as_much_time_for_itself_as_its_thread_lends() -> None:
     assert threads[1] != threading.get_ident()
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.parametrize("short", [True, False])
+def test_a_handler_that_ends_its_thread_ends_the_intake(short: bool) -> None:
+    line = Line()
+    line.warm()
+
+    def work() -> None:
+        line.taken.put((0, threading.get_ident()))
+        raise SystemExit(1)
+
+    line.work = work
+    time.sleep(QUICK_S)
+    with contextlib.suppress(SystemExit), contextlib.nullcontext() if short else line.elsewhere():
+        line.send()
+    line.next()
+    end = time.monotonic() + PATIENCE_S
+    while line.intake.alive() and time.monotonic() < end:
+        time.sleep(1e-3)
+    assert not line.intake.alive()
+
+
 def test_no_sample_overtakes_another_whichever_way_each_goes() -> None:
     line = Line(queue=4096)
     line.warm()
@@ -152,4 +176,4 @@ def test_no_sample_overtakes_another_whichever_way_each_goes() -> None:
     taken = [line.next() for _ in range(2000)]
     assert [number for number, _ in taken] == list(range(first, first + 2000))
     assert line.inlet.lost == 0
-    assert line.edge._intake.alive()
+    assert line.intake.alive()
