@@ -114,27 +114,26 @@ class Session:
         subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(queue))
         self._receive(key, subscriber, _with_put(take))
 
-    def subscribe_directly(self, key: str, take: Callable[[str, bytes], None]) -> None:
-        """Call `take(source, data)` for each sample in zenoh's own thread, the only one it has.
-
-        So `take` returns soon and waits for nothing. `source` is the sender's `Session.id`, or "".
+    def subscribe_from(self, key: str, queue: int, take: Callable[[str, bytes], None]) -> None:
+        """As `subscribe`, but calls `take(source, data)`: the sender's `Session.id`, or "".
 
         What a sender says of itself guards against mistakes, not against malice.
         """
+        subscriber = self._session.declare_subscriber(key, zenoh.handlers.RingChannel(queue))
+        taker = _with_source(take)
 
-        last, name = None, ""  # to write a sender's id out costs more than to compare it
+        def run() -> None:
+            for sample in _samples(subscriber):
+                taker(sample)
 
-        def taker(sample: zenoh.Sample) -> None:
-            nonlocal last, name
-            data = sample.payload.to_bytes()
-            if data or sample.kind == zenoh.SampleKind.PUT:  # a DELETE carries nothing
-                info = sample.source_info
-                zid = None if info is None else info.source_id.zid
-                if zid != last:
-                    last, name = zid, "" if zid is None else str(zid)
-                take(name, data)
+        self._listen(key, subscriber, run)
 
-        handler = zenoh.handlers.Callback(taker, indirect=False)
+    def subscribe_directly(self, key: str, take: Callable[[str, bytes], None]) -> None:
+        """As `subscribe_from`, but in zenoh's own thread, the only one it has.
+
+        So `take` returns soon and waits for nothing. A flood is not thinned out before it comes.
+        """
+        handler = zenoh.handlers.Callback(_with_source(take), indirect=False)
         self._kept.append(self._session.declare_subscriber(key, handler))
 
     def subscribe_kept(self, key: str, take: Callable[[str, bytes, str], None]) -> None:
@@ -412,6 +411,22 @@ def _with_put(take: Callable[[str, bytes, str], None]) -> Callable[[zenoh.Sample
     def taker(sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.PUT:
             take(str(sample.key_expr), sample.payload.to_bytes(), str(sample.encoding))
+
+    return taker
+
+
+def _with_source(take: Callable[[str, bytes], None]) -> Callable[[zenoh.Sample], None]:
+    last, name = None, ""  # to write a sender's id out costs more than to compare it
+
+    def taker(sample: zenoh.Sample) -> None:
+        nonlocal last, name
+        data = sample.payload.to_bytes()
+        if data or sample.kind == zenoh.SampleKind.PUT:  # a DELETE carries nothing
+            info = sample.source_info
+            zid = None if info is None else info.source_id.zid
+            if zid != last:
+                last, name = zid, "" if zid is None else str(zid)
+            take(name, data)
 
     return taker
 

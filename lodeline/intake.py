@@ -4,6 +4,8 @@ A hop between processes costs what it takes to wake its threads. So a sample is 
 thread that read it from the bus as long as this holds nobody up: no handler runs, nothing of its
 edge waits, its last handler was quick, and the bus has had as much time for itself since. Else it
 waits in the ring of its edge, which keeps the newest, for the one thread that empties them all.
+
+For edges between nodes of one pipeline: a flood from elsewhere would keep the bus from all others.
 """
 
 from __future__ import annotations

@@ -115,11 +115,22 @@ class NodeProcess:
             if marks is not None and port in item.guarded:
                 self.missed.hold(inlet, marks.get(edge.key, 0))
             self.status.watch(item.name, inlet)
-            way = Edge(self.intake, inlet, edge.queue)
-            self.bus.subscribe_directly(edge.key, way.arrive)
+            if port in item.guarded:
+                self.bus.subscribe_directly(edge.key, Edge(self.intake, inlet, edge.queue).arrive)
+            else:  # whoever sends may send a flood: the ring thins it out before Python sees it
+                self.bus.subscribe_from(edge.key, edge.queue, self._taker(inlet))
 
     def _is_neighbour(self, source: str) -> bool:
         return source in self.bus.neighbours()
+
+    def _taker(self, inlet: Inlet[Any]) -> Any:
+        lock, take = self.lock, inlet.take
+
+        def taker(source: str, data: bytes) -> None:
+            with lock:
+                take(data, source)
+
+        return taker
 
     def _calibrate(self, node: Node[Any], data: bytes) -> bytes:
         try:
@@ -225,7 +236,8 @@ class NodeProcess:
             self.lock.release()
         for keepsake, state in states:
             keepsake.store(state)
-        return self.intake.alive() and all(ticker.alive() for ticker in self.tickers)
+        working = self.bus.alive() and self.intake.alive()
+        return working and all(ticker.alive() for ticker in self.tickers)
 
     def _close(self) -> None:
         for ticker in self.tickers:
