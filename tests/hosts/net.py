@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from lodeline.bench.machines import Machine, Wire
+import pytest
+
+from lodeline.bench.machines import Machine, Wire, missing
 from tests.support.live import Up
 
 NODES = Path(__file__).parents[1] / "data" / "nodes"
@@ -100,3 +105,16 @@ class Net:
     def close(self) -> None:
         self.robot.close()
         self.laptop.close()
+
+
+@contextmanager
+def two_machines() -> Iterator[Net]:
+    """Machines for a test, or for several; skipped where none can be made."""
+    if why := missing():
+        pytest.skip(f"no network namespaces here: {why}")
+    with tempfile.TemporaryDirectory(prefix="ll", ignore_cleanup_errors=True) as folder:
+        made = Net(Path(folder))
+        try:
+            yield made
+        finally:
+            made.close()

@@ -4,57 +4,64 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Iterator
 from dataclasses import replace
+
+import pytest
 
 from lodeline.bus import Client
 from lodeline.hosts.share import Share, differences
 from lodeline.watch import Watch
 from lodeline_msgs import NodeStatus, unpack
-from tests.hosts.net import Host, Net
+from tests.hosts.net import Host, Net, two_machines
 from tests.support.live import eventually
 
 
-def test_a_late_joiner_has_status_parameters_and_hash_at_once(net: Net) -> None:
-    file = net.file()
-    with Host(net.robot, file, "robot") as robot:
-        assert eventually(lambda: robot.received("smoother", "wheels") > 50, 10.0, 0.2)
-        with Host(net.laptop, file, "laptop") as laptop:
-            assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
-            began = time.monotonic()
-            with Watch(laptop.running) as watch:
-                statuses = watch.statuses(1.0)
-                took = time.monotonic() - began
-            assert set(statuses) == {"source", "smoother", "watcher"}
-            assert took < 1.0
-            assert statuses["source"].host == "robot"
-            assert {status.pipeline for status in statuses.values()} == {
-                laptop.reports()["robot"]["digest"]
-            }
-            client = Client(laptop.folder)
-            (answer,) = client.ask("rover/@share/robot/*")
-            client.close()
-            share = json.loads(answer[1])
-            assert share["params"]["smoother"]["window"] == 0.1
-            assert share["classes"]["rover/wheels"] == "WheelTicks"
+@pytest.fixture(scope="module")
+def joined() -> Iterator[tuple[Host, Host]]:
+    """A robot that ran alone for a while, and the laptop that joined it."""
+    with two_machines() as net:
+        file = net.file()
+        with Host(net.robot, file, "robot") as robot:
+            assert eventually(lambda: robot.received("smoother", "wheels") > 50, 10.0, 0.2)
+            with Host(net.laptop, file, "laptop") as laptop:
+                assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
+                yield robot, laptop
 
 
-def test_a_last_word_of_a_node_that_says_no_more_still_comes(net: Net) -> None:
+def test_a_late_joiner_has_status_parameters_and_hash_at_once(joined: tuple[Host, Host]) -> None:
+    _, laptop = joined
+    began = time.monotonic()
+    with Watch(laptop.running) as watch:
+        statuses = watch.statuses(1.0)
+        took = time.monotonic() - began
+    assert set(statuses) == {"source", "smoother", "watcher"}
+    assert took < 1.0
+    assert statuses["source"].host == "robot"
+    digests = {status.pipeline for status in statuses.values()}
+    assert digests == {laptop.reports()["robot"]["digest"]}
+    client = Client(laptop.folder)
+    (answer,) = client.ask("rover/@share/robot/*")
+    client.close()
+    share = json.loads(answer[1])
+    assert share["params"]["smoother"]["window"] == 0.1
+    assert share["classes"]["rover/wheels"] == "WheelTicks"
+
+
+def test_a_last_word_of_a_node_that_says_no_more_still_comes(joined: tuple[Host, Host]) -> None:
     """The kept status crosses the link: it does not wait for the next one."""
-    file = net.file()
-    with Host(net.robot, file, "robot") as robot, Host(net.laptop, file, "laptop") as laptop:
-        assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
-        assert eventually(lambda: robot.received("smoother", "wheels") > 50, 10.0, 0.2)
-        came: list[NodeStatus] = []
-        client = Client(laptop.folder)
-        began = time.time_ns()
-        client.subscribe_kept(
-            "rover/status/source",
-            lambda _key, data, _encoding: came.append(unpack(data, NodeStatus)),
-        )
-        assert eventually(lambda: len(came) >= 2, 5.0)
-        client.close()
-        assert came[0].stamp < began  # sent before anybody asked for it
-        assert came[1].seq == came[0].seq + 1
+    _, laptop = joined
+    came: list[NodeStatus] = []
+    client = Client(laptop.folder)
+    began = time.time_ns()
+    client.subscribe_kept(
+        "rover/status/source",
+        lambda _key, data, _encoding: came.append(unpack(data, NodeStatus)),
+    )
+    assert eventually(lambda: len(came) >= 2, 5.0)
+    client.close()
+    assert came[0].stamp < began  # sent before anybody asked for it
+    assert came[1].seq == came[0].seq + 1
 
 
 def test_another_pipeline_on_the_other_side_is_named_on_both(net: Net) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.hosts.net import Host, Net
-from tests.support.live import eventually
+from tests.hosts.net import Host, Net, hosts_at
+from tests.support.live import ROOT, eventually
 
 
 def processes(host: Host) -> dict[str, dict[str, str]]:
@@ -48,6 +48,19 @@ def test_one_word_moves_a_node_to_the_other_side(net: Net) -> None:
         assert "left:" in sample.stdout
 
 
+@pytest.mark.parametrize("place", ["robot", "laptop"])
+def test_the_default_pipeline_has_its_filter_on_either_side(net: Net, place: str) -> None:
+    text = (ROOT / "pipeline.yaml").read_text()
+    text = text.replace("nodes/ekf.py", f"nodes/ekf.py\n    host: {place}")
+    file = net.folder / "pipeline.yaml"
+    file.write_text(f"{text}\nhosts: {hosts_at(net.address)}\n")
+    with Host(net.robot, file, "robot") as robot, Host(net.laptop, file, "laptop") as laptop:
+        for host in (robot, laptop):
+            sample = host.call("topic", "echo", "pose", "-n", "1", "--timeout", "10")
+            assert "covariance:" in sample.stdout
+        assert "ekf" in processes(robot)[place]
+
+
 def test_the_laptop_leaves_and_returns_and_the_robot_does_not_care(net: Net) -> None:
     file = net.file()
     with Host(net.robot, file, "robot") as robot:
@@ -60,6 +73,9 @@ def test_the_laptop_leaves_and_returns_and_the_robot_does_not_care(net: Net) -> 
         with Host(net.laptop, file, "laptop") as laptop:
             assert eventually(lambda: robot.linked("laptop"), 10.0, 0.1)
             assert eventually(lambda: laptop.received("watcher", "speed") > 100, 10.0, 0.2)
+            laptop.process.kill()
+            assert eventually(lambda: "".join(robot.log).count("LINK_LOST laptop") == 2, 1.0)
+        assert robot.links()["laptop"]["state"] == "lost"
         assert pids == {process["pid"] for process in robot.reports()["robot"]["processes"]}
         assert all(process["restarts"] == 0 for process in robot.reports()["robot"]["processes"])
 

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -109,10 +110,14 @@ def test_strangers_do_not_link_and_hosts_say_only_what_is_theirs(
             "rover/**", 256, lambda key, data, _: forged.add(key) if data == b"forged" else None
         )
         keys_of_others = ("rover/wheels", "rover/status/source", "rover/cmd_vel")
-        assert stranger(net, None, "", *keys_of_others) == "refused"
-        assert stranger(net, foreign, "laptop", *keys_of_others) == "refused"
-        # In the fleet, but no host of this pipeline: it hears and says nothing.
-        assert stranger(net, keys, "tablet", *keys_of_others) == "0"
+        who = ((None, ""), (foreign, "laptop"), (keys, "tablet"))
+        with ThreadPoolExecutor() as all_at_once:
+            plain, faked, tablet = all_at_once.map(
+                lambda each: stranger(net, *each, *keys_of_others), who
+            )
+        assert plain == "refused"
+        assert faked == "refused"
+        assert tablet == "0"  # in the fleet, but no host of this pipeline: it hears nothing
         assert forged == set()
         own = "rover/status/watcher"
         assert int(stranger(net, keys, "laptop", own, *keys_of_others)) > 50
