@@ -69,12 +69,16 @@ class Missed:
     def __bool__(self) -> bool:
         return bool(self._edges)
 
+    def unheard(self) -> list[str]:
+        """Keys of which nothing new has come yet."""
+        return [inlet.key for inlet, _ in self._edges if not inlet.waiting]
+
     def due(self) -> bool:
         """Whether it is time to catch up: every sender is heard again, or one is long silent."""
         if not self._edges:
             return False
         late = time.monotonic() - self._since > LONGEST_HOLD_S
-        return late or all(inlet.waiting for inlet, _ in self._edges)
+        return late or not self.unheard()
 
     def catch_up(
         self, ask: Ask, lock: AbstractContextManager[Any], mute: Callable[[bool], None]

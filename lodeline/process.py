@@ -200,8 +200,11 @@ class NodeProcess:
         return self.exit_code
 
     def _catch_up(self) -> None:
+        unheard = self.missed.unheard()
         count = self.missed.catch_up(self.bus.ask, self.lock, self.status.mute)
-        print(f"CAUGHT_UP with {count} samples of the time between", file=sys.stderr, flush=True)
+        rest = f"; nothing new of {', '.join(unheard)}" if unheard else ""
+        text = f"CAUGHT_UP with {count} samples of the time between{rest}"
+        print(text, file=sys.stderr, flush=True)
 
     def _report(self, notifier: Notifier) -> None:
         """The status on the bus, in a word to the supervisor, and what is new of it on the log."""
