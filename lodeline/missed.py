@@ -19,11 +19,13 @@ from lodeline_msgs import DecodeError, Message, pack
 
 RECENT = 512
 """Samples kept of each output, two and a half seconds at 200 Hz."""
-PATIENCE_S = 0.3
+PATIENCE_S = 0.5
+ANSWER_S = 0.15
+"""A question on a link that has just come up can get lost; then it is put again, not waited for."""
 LONGEST_HOLD_S = 1.0
 TRY_AGAIN_S = 0.01
 
-Ask = Callable[[str], list[tuple[str, bytes]]]
+Ask = Callable[[str, float], list[tuple[str, bytes]]]
 
 
 def recent_key(key: str) -> str:
@@ -85,7 +87,8 @@ class Missed:
     ) -> int:
         """Hand over what was missed, muted, then what waited, in the order of stamps; how many.
 
-        `ask(key)` gives the answers to a query; `lock` keeps live samples out meanwhile.
+        `ask(key, seconds)` gives the answers to a query that come in time; `lock` keeps live
+        samples out meanwhile.
         """
         answers = self._ask_all(ask)
         with lock:
@@ -111,7 +114,7 @@ class Missed:
         while True:
             for edge, (inlet, _) in enumerate(self._edges):
                 if edge not in found:
-                    for _, data in ask(recent_key(inlet.key)):
+                    for _, data in ask(recent_key(inlet.key), ANSWER_S):
                         found[edge] = data
             if len(found) == len(self._edges) or time.monotonic() > end:
                 return found

@@ -109,7 +109,7 @@ def test_a_killed_attitude_says_afterwards_what_it_would_have_said(
         second.take(key, message)
     assert missed.due()
     assert not second.said
-    count = missed.catch_up(lambda key: answers(senders, key), threading.RLock(), second.mute)
+    count = missed.catch_up(lambda key, _: answers(senders, key), threading.RLock(), second.mute)
     assert count >= BACK - KILLED + 59
     for key, message in samples[BACK + 20 :]:
         second.take(key, message)
@@ -132,7 +132,7 @@ def test_without_an_answer_live_samples_are_taken_all_the_same(
         missed.hold(inlet, 0)
     for key, message in samples[:30]:
         life.take(key, message)
-    assert missed.catch_up(lambda key: [], contextlib.nullcontext(), life.mute) == 0
+    assert missed.catch_up(lambda key, _: [], contextlib.nullcontext(), life.mute) == 0
     assert len(life.said) == sum(key == "imu/data_raw" for key, _ in samples[:30])
 
 
@@ -146,7 +146,7 @@ def test_an_answer_that_is_no_answer_costs_nothing_but_a_line(
         key, message = samples[0]
         life.take(key, message)
         answered = [("", answer)]
-        missed.catch_up(lambda key, told=answered: told, threading.RLock(), life.mute)  # type: ignore[misc]
+        missed.catch_up(lambda key, _, told=answered: told, threading.RLock(), life.mute)  # type: ignore[misc]
         assert len(life.said) == (key == "imu/data_raw")
     assert "MISSED imu/data_raw: " in capsys.readouterr().err
 
@@ -159,7 +159,24 @@ def test_a_sender_keeps_its_newest_samples_and_no_more() -> None:
     held = Inlet("mag", MagneticField, None, RecordingClock(), print, lambda sample: None)
     missed = Missed()
     missed.hold(held, 400)
-    assert missed.catch_up(lambda key: [("", recent.answer())], threading.RLock(), ignore) == 211
+    assert missed.catch_up(lambda key, _: [("", recent.answer())], threading.RLock(), ignore) == 211
+
+
+def test_a_question_that_gets_lost_is_put_again_and_not_waited_for() -> None:
+    recent = Recent("me")
+    patience: list[float] = []
+    for seq in range(30):
+        recent.tap(MagneticField(seq, (0.0, 0.0, 0.0), seq=seq))
+
+    def ask(_key: str, seconds: float) -> list[tuple[str, bytes]]:
+        patience.append(seconds)
+        return [("", recent.answer())] if len(patience) == 3 else []
+
+    held = Inlet("mag", MagneticField, None, RecordingClock(), print, lambda sample: None)
+    missed = Missed()
+    missed.hold(held, 9)
+    assert missed.catch_up(ask, threading.RLock(), ignore) == 20
+    assert sum(patience) < 0.5, "within which a killed attitude is to be back"
 
 
 @pytest.mark.parametrize("damage", ["cut", "flip", "empty", "other fields"])
