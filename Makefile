@@ -13,7 +13,8 @@ test: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/codespell
 	$(BIN)/mypy
-	$(BIN)/pytest -m "not live" -n 2
+	$(BIN)/pytest -m "not live and not paired" -n 2
+	$(BIN)/pytest -m paired -n 2 --dist loadfile
 	$(BIN)/pytest -m live
 
 $(READY): pyproject.toml constraints.txt

@@ -7,7 +7,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator
-from types import TracebackType
 from typing import Any, Self
 
 from lodeline.bus import BusError, Client, Publisher
@@ -235,10 +234,5 @@ class Watch:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._client.close()

@@ -9,25 +9,22 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).parent
-LIVE = (
-    "calibrate_verb",
-    "dash",
-    "faults",
-    "hosts",
-    "live",
-    "packaging",
-    "supervisor",
-    "tools",
-)
+LIVE = ("calibrate_verb", "dash", "faults", "live", "supervisor", "tools")
 """Folders whose tests start pipelines, and have deadlines."""
+
+PAIRED = ("hosts", "packaging")
+"""Folders whose tests start pipelines and wait more than they work."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` chooses
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what must have the machine for itself."""
+    """Mark what must have the machine for itself, and what at most one more may share."""
     for item in items:
-        if item.path.relative_to(TESTS.parent).parts[1] in LIVE:
+        folder = item.path.relative_to(TESTS.parent).parts[1]
+        if folder in LIVE:
             item.add_marker("live")
+        elif folder in PAIRED and item.get_closest_marker("live") is None:
+            item.add_marker("paired")
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ import os
 import shutil
 import subprocess
 import time
-from types import TracebackType
 from typing import Self
 
 PATIENCE_S = 2.0
@@ -59,12 +58,7 @@ class Machine:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

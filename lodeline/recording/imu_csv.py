@@ -16,7 +16,6 @@ import zlib
 from collections.abc import Iterator, Sequence
 from math import isfinite
 from pathlib import Path
-from types import TracebackType
 from typing import NamedTuple, NoReturn, Self
 
 from lodeline.recording import RecordingError, unreadable
@@ -153,12 +152,7 @@ class CsvTable:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._stream.close()
 
 

@@ -8,7 +8,6 @@ import sys
 import termios
 import time
 import tty
-from types import TracebackType
 from typing import Any, Self
 
 BAR = 30
@@ -64,12 +63,7 @@ class Transport:
             tty.setcbreak(self._keyboard)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._settings:
             termios.tcsetattr(sys.stdin.fileno(), termios.TCSADRAIN, self._settings)
         if self._shown is not None:

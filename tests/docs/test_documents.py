@@ -25,7 +25,7 @@ def with_commands() -> list[Any]:
         ]
         live = any(line.startswith(LIVE) for line in lines)
         if lines:
-            found.append(pytest.param(name, marks=[pytest.mark.live] if live else []))
+            found.append(pytest.param(name, marks=[pytest.mark.paired] if live else []))
     return found
 
 

@@ -13,6 +13,8 @@ from lodeline.bench.link import Bench, Row
 from lodeline.bench.machines import missing
 from lodeline.bench.pair import Pair
 
+pytestmark = pytest.mark.live  # its figures are of times
+
 RATE = 200.0  # Hz, of the samples listened to
 BACK_S = 2.0
 STALE_S = 0.25

@@ -43,8 +43,10 @@ def test_a_killed_guard_has_a_successor_that_knows_all(supervise: Start) -> None
     os.kill(first, signal.SIGKILL)
     up.wait("lodeline", "GUARD_EXIT -9: started again")
     until(lambda: up.guard not in (None, first), 3.0)
+    successor = guard_of(up)
     up.signal(signal.SIGKILL)
-    until(lambda: not any(alive(pid) for pid in [*pids, guard_of(up)]), LIMIT_S)
+    until(lambda: not any(alive(pid) for pid in [*pids, successor]), LIMIT_S)
+    assert up.end() == -signal.SIGKILL
 
 
 def test_when_guard_and_supervisor_die_together_the_next_start_clears_up(
