@@ -17,7 +17,7 @@ ORDERS = ("exits", "file", "append", "on the robot", "stays up", "while")
 
 
 def with_commands() -> list[Any]:
-    """The documents to carry out; those that start a pipeline have the machine for themselves."""
+    """The documents to carry out; those that start a pipeline run two at a time."""
     found = []
     for name in DOCUMENTS:
         lines = [
