@@ -25,7 +25,7 @@ MOST_MISSED = 0.05
 class Outlet:
     """Puts what a node sends on the bus; packs only while somebody listens."""
 
-    __slots__ = ("_pace", "bytes", "last", "muted", "publisher", "sent", "total")
+    __slots__ = ("_pace", "bytes", "last", "muted", "packed", "publisher", "sent", "total")
 
     def __init__(self, publisher: Publisher, expected: float | None = None) -> None:
         self.publisher = publisher
@@ -33,6 +33,7 @@ class Outlet:
         self.sent = 0
         self.total = 0
         self.bytes = 0
+        self.packed = 0
         self.last = 0.0
         self._pace = None
         if expected is not None:
@@ -46,6 +47,7 @@ class Outlet:
         if self.publisher.watched:
             data = pack(message)
             self.bytes += len(data)
+            self.packed += 1
             self.publisher.put(data)
 
     @property
@@ -54,10 +56,14 @@ class Outlet:
         return self._pace is not None
 
     def drain(self, elapsed: float) -> tuple[float, float]:
-        """Samples and bytes a second since the last call, `elapsed` seconds ago."""
-        rates = self.sent / elapsed, self.bytes / elapsed
+        """Samples and bytes a second since the last call, `elapsed` seconds ago.
+
+        Where somebody began to listen meanwhile, the bytes are those of a whole such time.
+        """
+        rate = self.sent / elapsed
+        rates = rate, rate * self.bytes / max(1, self.packed)
         self.total += self.sent
-        self.sent = self.bytes = 0
+        self.sent = self.bytes = self.packed = 0
         return rates
 
     def complaint(self, now: float) -> Complaint | None:
