@@ -12,7 +12,8 @@ from lodeline.calibration.quality import CalibrationRefusedError
 
 FEWEST_TURNS = 3.0  # of a wheel; less drowns in play and in the eye that measured
 LARGEST_DIFFERENCE = 0.05  # of the counts of one wheel from the other
-STANDSTILL = 1.5  # [s]
+STANDSTILL = 1.5  # [s], after which a drive is over
+REST = 0.3  # [s], before which none begins
 TREMBLE = 0.01  # of a turn, by which a wheel that stands may move
 
 
@@ -52,14 +53,19 @@ def fit_track(
     return WheelFit(2.0 * wheel_radius * rolled / turns, difference, -_sign(left), _sign(right))
 
 
-def stopped(times: Sequence[float], counts: Sequence[tuple[int, int]], per_turn: float) -> bool:
-    """Whether the wheels have stood still for the last STANDSTILL seconds of `times` [s].
+def stopped(
+    times: Sequence[float],
+    counts: Sequence[tuple[int, int]],
+    per_turn: float,
+    seconds: float = STANDSTILL,
+) -> bool:
+    """Whether the wheels have stood still for the last `seconds` of `times` [s].
 
     `counts` (left, right) has one pair for each time, `per_turn` of them are a turn.
     """
-    late = [pair for time, pair in zip(times, counts, strict=True) if time > times[-1] - STANDSTILL]
+    late = [pair for time, pair in zip(times, counts, strict=True) if time > times[-1] - seconds]
     ranges = [max(side) - min(side) for side in zip(*late, strict=True)]
-    return times[-1] - times[0] > STANDSTILL and max(ranges) <= TREMBLE * per_turn
+    return times[-1] - times[0] > seconds and max(ranges) <= TREMBLE * per_turn
 
 
 def _turns(left: int, right: int, ticks_per_turn: float, fault: str) -> tuple[float, float]:

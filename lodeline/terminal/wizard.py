@@ -16,7 +16,7 @@ from lodeline.calibration import CalibrationRefusedError, ImuCalibration
 from lodeline.calibration.compass import CompassFit
 from lodeline.calibration.coverage import SIDES, TURNS, Picture, picture, sides, turned
 from lodeline.calibration.still import fit_accelerometer, resting_means
-from lodeline.calibration.wheels import FEWEST_TURNS, stopped
+from lodeline.calibration.wheels import FEWEST_TURNS, REST, stopped
 from lodeline.node import CalibrationInUse
 from lodeline.recording.raw_readings import CLASSES, Readings
 from lodeline.rotation import Vector
@@ -74,6 +74,8 @@ class Wizard:
 
     def gather(self) -> Readings:
         """Readings until they suffice or time is up; CalibrationRefusedError if none came."""
+        if self.kind == "wheels":
+            self._wait_for_rest()
         readings = Readings()
         print(f"{TODO[self.kind]} ({self.seconds:.0f} s at most)", file=sys.stderr, flush=True)
 
@@ -91,6 +93,21 @@ class Wizard:
         if not readings.times:
             raise CalibrationRefusedError(f"nothing came on {self._key}")
         return readings
+
+    def _wait_for_rest(self) -> None:
+        """What the wheels still roll from before is no part of the drive that was measured."""
+        before = Readings()
+
+        def take(data: bytes, _encoding: str) -> bool:
+            before.take(unpack(data, self._cls))
+            return not stopped(before.times, before.counts, self.ticks, REST)
+
+        if not self._watch.follow(self._key, take, self.seconds):
+            raise CalibrationRefusedError(
+                "the wheels never stood still: stop the robot first"
+                if before.times
+                else f"nothing came on {self._key}"
+            )
 
     def _progress(self, readings: Readings) -> Progress:
         gone = readings.seconds

@@ -170,10 +170,16 @@ def test_a_running_robot_is_calibrated_live_and_goes_by_it_at_once(tmp_path: Pat
             turning = up.call("calibrate", "gyro", "-o", str(out), "--seconds", "2.1")
             assert turning.returncode == 1, turning.stdout
             assert "turns" in turning.stderr
-            driver.go(0.0, 0.0)
-            assert eventually(lambda: driver.stands())
+            rolling = up.call("calibrate", "wheels", "--distance", "0.6", "--seconds", "1")
+            assert rolling.returncode == 1, rolling.stdout
+            assert "REFUSED wheels: the wheels never stood still" in rolling.stderr
             line = start(up, "calibrate", "wheels", "--distance", "0.6", "-o", str(out))
-            assert eventually(lambda: driver.heard[-1]["kind"] == "wheels")
+            driver.go(0.0, 0.0)  # what it still turns is not counted
+            assert eventually(
+                lambda: (driver.heard[-1]["kind"], driver.heard[-1]["state"])
+                == ("wheels", "running")
+            )
+            assert driver.stands()
             driver.drive_a_line(0.4, 0.6)
             said, asked = line.communicate(timeout=30.0)
             assert line.returncode == 0, asked
