@@ -176,8 +176,9 @@ def test_a_running_robot_is_calibrated_live_and_goes_by_it_at_once(tmp_path: Pat
             line = start(up, "calibrate", "wheels", "--distance", "0.6", "-o", str(out))
             driver.go(0.0, 0.0)  # what it still turns is not counted
             assert eventually(
-                lambda: (driver.heard[-1]["kind"], driver.heard[-1]["state"])
-                == ("wheels", "running")
+                lambda: (
+                    (driver.heard[-1]["kind"], driver.heard[-1]["state"]) == ("wheels", "running")
+                )
             )
             assert driver.stands()
             driver.drive_a_line(0.4, 0.6)
