@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import errno
 import importlib.util
 import os
 import select
@@ -40,6 +41,11 @@ def main(argv: list[str] | None = None) -> int:
         # `lodeline ... | head` is no fault, but a broken socket is one.
         if not any([_is_closed(sys.stdout), _is_closed(sys.stderr)]):
             raise
+        return FAILED
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        print(f"lodeline: {error.filename or 'output'}: {error.strerror}", file=sys.stderr)
         return FAILED
 
 

@@ -25,7 +25,7 @@ def main(argv: list[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """What `lodeline bench` takes."""
     known = benches()
-    listed = "\n".join(f"  {name:10} {caption}" for name, caption in known.items())
+    listed = "\n".join(f"    {name:10} {caption}" for name, caption in known.items())
     parser = argparse.ArgumentParser(
         "lodeline bench",
         description=f"{__doc__}\n{listed}",

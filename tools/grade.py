@@ -28,8 +28,9 @@ def main(argv: list[str]) -> int:
     from lodeline.grading import EXERCISES, GradingError, grade
 
     if args.exercise is None:
-        for exercise in EXERCISES.values():
-            print(f"{exercise.name:12} {exercise.title}")
+        titles = {exercise.name: exercise.title for exercise in EXERCISES.values()}
+        lines = (f"{name:12} {title}" for name, title in titles.items())
+        print(json.dumps(titles, indent=1) if args.json else "\n".join(lines))
         return 0
     if args.exercise not in EXERCISES:
         from lodeline.params import nearest

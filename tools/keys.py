@@ -10,10 +10,16 @@ Exit codes: 0 made, 1 failed, 2 usage.
 from __future__ import annotations
 
 import argparse
+import ipaddress
+import re
 import sys
 from pathlib import Path
 
+from lodeline.pipeline.shape import NAME
+from lodeline.terminal.numbers import positive
+
 EXIT_FAILED = 1
+DOMAIN_NAME = re.compile(r"[A-Za-z0-9-]+(\.[A-Za-z0-9-]+)*")
 
 
 def main(argv: list[str]) -> int:
@@ -29,6 +35,12 @@ def main(argv: list[str]) -> int:
             fingerprint = add(arguments.folder, name, arguments.address, arguments.days)
     except KeysError as error:
         print(error, file=sys.stderr)
+        return EXIT_FAILED
+    except OSError as error:
+        print(f"{error.filename}: {error.strerror}", file=sys.stderr)
+        return EXIT_FAILED
+    except OverflowError:
+        print("--days: no date is so far away", file=sys.stderr)
         return EXIT_FAILED
     except ImportError:
         print("keys need the library cryptography: pip install 'lodeline[tls]'", file=sys.stderr)
@@ -51,10 +63,30 @@ def parser() -> argparse.ArgumentParser:
     )
     verbs.add_parser("init", parents=[common], help="a new authority")
     adding = verbs.add_parser("add", parents=[common], help="key and certificate for a host")
-    adding.add_argument("host")
-    adding.add_argument("address", nargs="*", help="on which it listens")
-    adding.add_argument("--days", type=float, default=365.0, help="how long it is valid (365)")
+    adding.add_argument("host", type=_host, help="its name in the pipeline file")
+    adding.add_argument("address", nargs="*", type=_address, help="on which it listens")
+    adding.add_argument("--days", type=positive, default=365.0, help="how long it is valid (365)")
     return parser
+
+
+def _host(text: str) -> str:
+    if not NAME.fullmatch(text):
+        what = "must start with a-z and hold only a-z, 0-9, _, -"
+        raise argparse.ArgumentTypeError(f"{text!r} {what}, as in the pipeline file")
+    return text
+
+
+def _address(text: str) -> str:
+    try:
+        ipaddress.ip_address(text.strip("[]"))
+    except ValueError:
+        last = text.rpartition(".")[2]
+        if last.isdigit() or not DOMAIN_NAME.fullmatch(text):
+            what = "is neither an IP address nor the name of a machine"
+            raise argparse.ArgumentTypeError(
+                f"{text!r} {what} (a port does not belong here)"
+            ) from None
+    return text
 
 
 if __name__ == "__main__":

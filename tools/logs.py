@@ -19,6 +19,7 @@ from lodeline.params import nearest
 from lodeline.run_folder import log_folder, running
 from lodeline.supervisor.log_files import read
 from lodeline.terminal.log_lines import OURS, Line, Lines, is_about, line_text
+from lodeline.terminal.numbers import whole
 from lodeline.terminal.screen import colours
 from lodeline.watch import LOOK_S, NothingThereError, Watch, choose
 
@@ -50,18 +51,11 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("nodes", nargs="*", metavar="NODE", help="of these nodes only")
     parser.add_argument("-f", "--follow", action="store_true", help="new lines too, until Ctrl-C")
     parser.add_argument(
-        "-n", "--lines", type=_count, metavar="LINES", help="only the newest so many of the old"
+        "-n", "--lines", type=whole, metavar="LINES", help="only the newest so many of the old"
     )
     parser.add_argument("--name", metavar="PIPELINE", help="which one, if several run")
     parser.add_argument("--json", action="store_true", help="one JSON object a line")
     return parser
-
-
-def _count(text: str) -> int:
-    count = int(text)
-    if count < 0:
-        raise ValueError(text)
-    return count
 
 
 def _show(watch: Watch, arguments: argparse.Namespace) -> int:

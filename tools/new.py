@@ -39,7 +39,7 @@ def main(argv: list[str]) -> int:
             shutil.copyfile(source, folder / source.name)
             print(folder / source.name)
     except OSError as error:
-        print(f"lodeline new: {error}", file=sys.stderr)
+        print(f"lodeline new: {error.filename}: {error.strerror}", file=sys.stderr)
         return FAILED
     print(NEXT.format(folder=folder), file=sys.stderr)
     return 0

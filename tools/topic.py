@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from lodeline.tables import table
 from lodeline.terminal.ending import ended
-from lodeline.terminal.numbers import positive
+from lodeline.terminal.numbers import count, positive
 from lodeline.terminal.samples import make_message, read_values, sample_text
 from lodeline.terminal.traffic import (
     Row,
@@ -81,7 +81,7 @@ def parser() -> argparse.ArgumentParser:
 
     echo = verbs.add_parser("echo", parents=[common], help="print samples as they come")
     echo.add_argument("key")
-    echo.add_argument("-n", "--count", type=_count, help="stop after so many samples")
+    echo.add_argument("-n", "--count", type=count, help="stop after so many samples")
     echo.add_argument("--timeout", type=positive, metavar="S", help="give up after S seconds")
     echo.add_argument("--bag", type=Path, metavar="FILE", help="samples of a recording instead")
     echo.set_defaults(run=_echo)
@@ -106,16 +106,9 @@ def parser() -> argparse.ArgumentParser:
         "values", nargs="+", help="field=value, or a map: '{v: 0.1, w: 0}'; stamp and seq are made"
     )
     pub.add_argument("--rate", type=positive, metavar="HZ", help="again and again, until Ctrl-C")
-    pub.add_argument("-n", "--count", type=_count, help="stop after so many (default: 1, or all)")
+    pub.add_argument("-n", "--count", type=count, help="stop after so many (default: 1, or all)")
     pub.set_defaults(run=_pub)
     return parser
-
-
-def _count(text: str) -> int:
-    count = int(text)
-    if count < 1:
-        raise ValueError(text)
-    return count
 
 
 def _list(watch: Watch, arguments: argparse.Namespace) -> int:
@@ -269,13 +262,13 @@ def _pub(watch: Watch, arguments: argparse.Namespace) -> int:
         return EXIT_USAGE
     publisher = watch.publisher(key, encoding_of(cls))
     _await_reader(watch, publisher)
-    count = arguments.count or (None if arguments.rate else 1)
+    most = arguments.count or (None if arguments.rate else 1)
     for seq, _ in enumerate(watch.ticks(1.0 / (arguments.rate or 10.0))):
         message = make_message(cls, values, time.time_ns(), seq)
         publisher.put(pack(message))
         if arguments.json:
             print(sample_text(pack(message), encoding_of(cls), True), flush=True)
-        if seq + 1 == count:
+        if seq + 1 == most:
             break
     return 0
 

@@ -20,6 +20,9 @@ def ended(work: Callable[[], int]) -> int:
     except (NoRecordingError, NothingToPlotError) as error:
         print(error, file=sys.stderr)
         return NOTHING
-    except (RecordingError, NoMatplotlibError, OSError) as error:
+    except (RecordingError, NoMatplotlibError) as error:
         print(error, file=sys.stderr)
+        return FAILED
+    except OSError as error:
+        print(f"{error.filename or 'output'}: {error.strerror or error}", file=sys.stderr)
         return FAILED

@@ -23,6 +23,9 @@ Exit codes: 0 fine, 1 failed, 2 usage, 3 invalid pipeline, 4 nothing there, 5 a 
 130 interrupted."""
 
 
+BAR = "\\|"
+
+
 def manual() -> str:
     """The whole text."""
     sections = [HEAD]
@@ -71,11 +74,9 @@ def _row(action: argparse.Action) -> str:
     names = ", ".join(f"`{name}`" for name in action.option_strings) or f"`{_value(action)}`"
     if action.option_strings and action.nargs != 0:
         names += f" `{_value(action)}`"
-    return f"| {names} | {_help(action)} |".replace("|  |", "| |")
-
-
-def _help(action: argparse.Action) -> str:
-    return _sentence((action.help or "").replace("%%", "%").replace("|", "\\|"))
+    # A bar divides cells even inside of a code span.
+    cells = (names, _sentence((action.help or "").replace("%%", "%")))
+    return f"| {' | '.join(cell.replace('|', BAR) for cell in cells)} |".replace("|  |", "| |")
 
 
 def _sentence(text: str) -> str:

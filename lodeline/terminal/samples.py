@@ -29,7 +29,8 @@ def sample_text(data: bytes, encoding: str, as_json: bool) -> str:
     values = unpack_map(data)
     if as_json:
         return json.dumps(values)
-    units = {spec.name: spec.unit.unit for spec in _specs(encoding)}
+    # Numbers without a unit have none to show, and of a stamp both are told: ns and seconds.
+    units = {s.name: s.unit.unit for s in _specs(encoding) if s.unit.unit not in ("", "1", "ns")}
     lines = [
         f"{name}: {value_text(name, value)} {units.get(name, '')}" for name, value in values.items()
     ]
@@ -46,7 +47,7 @@ def _specs(encoding: str) -> Sequence[FieldSpec]:
 def value_text(name: str, value: Any) -> str:
     """A value of a field: floats short, stamps in seconds too."""
     if name == "stamp" and isinstance(value, int):
-        return f"{value} ({stamp_text(value)} s)"
+        return f"{value} ns ({stamp_text(value)} s)"
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, tuple):
