@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from lodeline.recording import RecordingError
+from lodeline.recording import NoRecordingError, RecordingError
 from lodeline_msgs import MESSAGES, Message, columns, from_row, row
 
 
@@ -48,7 +48,7 @@ def read_tables(folder: Path) -> Iterator[tuple[str, Message]]:
     """(name of the file without its ending, message) of every table in a folder, file by file.
 
     The header tells the class; files of anything else are left alone. RecordingError, with
-    `file:line:`, for a row that is none of `Tables`, and where there is no table at all.
+    `file:line:`, for a row that is none of `Tables`; NoRecordingError where there is no table.
     """
     classes = {tuple(columns(cls)): cls for cls in MESSAGES.values()}
     found = False
@@ -64,4 +64,4 @@ def read_tables(folder: Path) -> Iterator[tuple[str, Message]]:
             except (ValueError, csv.Error) as error:
                 raise RecordingError(f"{file}:{rows.line_num}: {error}") from None
     if not found:
-        raise RecordingError(f"{folder} holds no table that `lodeline replay --csv` wrote")
+        raise NoRecordingError(f"{folder} holds no table that `lodeline replay --csv` wrote")

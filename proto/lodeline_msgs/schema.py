@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from lodeline_msgs.definition import MESSAGES, FieldSpec, Message, field_specs
 
 _SCALARS: dict[Any, str] = {int: "integer", float: "number", bool: "boolean", str: "string"}
+_PAIR = re.compile(r"(.+?)=(\S+)(?: |$)")  # in a cell of several; `too old=3`: keys may hold spaces
 
 
 def json_schema(cls: type[Message]) -> dict[str, Any]:
@@ -97,8 +99,7 @@ def _cell(spec: FieldSpec, text: str) -> Any:
         return spec.kind(text)
     if spec.kind in (dict[str, float], dict[str, int]):
         number = float if spec.kind == dict[str, float] else int
-        pairs = (pair.rpartition("=") for pair in text.split())
-        return {key: number(part) for key, _, part in pairs}
+        return {key: number(part) for key, part in _PAIR.findall(text)}
     return tuple(map(float, text.split()))
 
 

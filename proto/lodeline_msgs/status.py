@@ -9,7 +9,7 @@ from lodeline_msgs.definition import Message, Unit, message
 class NodeStatus(Message):
     """How a node fares: what it sends and receives, what it lost, what it costs.
 
-    Rates, losses and ages are over the last second; counts are since the node started.
+    Rates and ages are over the last second; counts, also of what was lost, since the node started.
     """
 
     node: Annotated[str, Unit("", "name in the pipeline file")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import json
 from pathlib import Path
@@ -15,8 +16,10 @@ from lodeline_msgs import (
     MESSAGES,
     MagnetDetection,
     Message,
+    NodeStatus,
     PoseEstimate,
     columns,
+    from_row,
     json_schema,
     pack,
     row,
@@ -55,6 +58,14 @@ def test_a_table_row_has_a_cell_for_each_column(sample: Message) -> None:
     assert len(cells) == len(columns(type(sample)))
     assert cells[0] == "1700000000.123456789"
     assert cells[-1] == str(sample.seq)
+    assert from_row(type(sample), cells) == sample
+
+
+def test_causes_of_several_words_survive_a_table() -> None:
+    status = next(each for each in SAMPLES if isinstance(each, NodeStatus))
+    rejected = {"time stands still": 3, "gate": 2, "stamp not newer": 1}
+    told = dataclasses.replace(status, rejected=rejected)
+    assert from_row(NodeStatus, row(told)) == told
 
 
 def test_floats_in_a_row_lose_no_bit() -> None:
