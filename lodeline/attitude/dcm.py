@@ -90,7 +90,10 @@ class Dcm(StrengthWatcher):
         s, gains = self._state, GAINS[self.params.gains]
         s.heading_variance = aged_variance(s.heading_variance, dt, DRIFT)
         if s.rows is None or dt > HOLE:  # the body may have turned unseen: gravity and north anew
-            s.rows, s.compass = to_matrix(tilt_of(force)), None
+            level = to_matrix(tilt_of(force))
+            # Until north is seen again, the yaw from before is the best there is.
+            s.rows = level if s.rows is None else compose(_about_z(_yaw(s.rows)), level)
+            s.compass = None
         else:
             px, py, pz = _correction(s, s.rows, dt, gains)
             ix, iy, iz = s.integral
@@ -113,8 +116,7 @@ class Dcm(StrengthWatcher):
             s.compass = tilt_compensated_yaw(s.rows, field, self.params.declination)
             s.usual = s.strength = norm
             s.field_weight, s.heading_variance = 1.0, COMPASS_STD * COMPASS_STD
-            turn = matrix_from_euler(0.0, 0.0, s.compass - atan2(s.rows[1][0], s.rows[0][0]))
-            s.rows = compose(turn, s.rows)
+            s.rows = compose(_about_z(s.compass - _yaw(s.rows)), s.rows)
         elif s.field_wait < gains.compass_period:
             return
         else:
@@ -138,6 +140,14 @@ class Dcm(StrengthWatcher):
         """Gyro bias [rad/s]: what the integral part takes away."""
         ix, iy, iz = self._state.integral
         return (-ix, -iy, -iz)
+
+
+def _yaw(rows: Matrix) -> float:
+    return atan2(rows[1][0], rows[0][0])
+
+
+def _about_z(angle: float) -> Matrix:
+    return matrix_from_euler(0.0, 0.0, angle)
 
 
 def _correction(s: DcmState, rows: Matrix, dt: float, gains: Gains) -> Vector:

@@ -201,6 +201,19 @@ def test_after_a_hole_in_the_samples_three_sigma_hold_the_error(
 
 
 @every
+def test_a_heading_outlives_a_hole_after_which_no_field_is_seen(method: str) -> None:
+    truth = from_euler(0.0, 0.0, 0.5)
+    estimator = make_attitude(method)
+    feed_still(estimator, truth, 10.0)
+    force, _ = sense(truth)
+    for dt in (0.3, *[DT] * 200):
+        estimator.update(dt, (0, 0, 0), force, None)
+        error = attitude_error(estimator.orientation, truth)
+        assert degrees(error.total) < 1.0
+        assert error.heading <= 3.0 * estimator.heading_std
+
+
+@every
 def test_states_are_flat(method: str) -> None:
     def flat(value: object) -> bool:
         if isinstance(value, tuple):

@@ -171,7 +171,7 @@ def test_a_recording_without_estimates_says_how_to_make_them(
     assert "only imu/data (Imu)" in err
     assert f"lodeline replay {bag}" in err
     assert main(["plot", str(text)]) == 1
-    assert main(["plot", str(tmp_path)]) == 1
+    assert main(["plot", str(tmp_path)]) == 4
     assert "holds no table" in capsys.readouterr().err
 
 
