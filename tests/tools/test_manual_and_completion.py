@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
+import pty
+import select
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -101,11 +104,35 @@ def test_bash_completes_names_of_recordings(script: Path, tmp_path: Path) -> Non
 
 
 @pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh here")
-def test_zsh_takes_the_script(tmp_path: Path) -> None:
-    made = lodeline("completion", "zsh", run=tmp_path)
-    (tmp_path / "_lodeline").write_text(made.stdout)
-    order = f"fpath=({tmp_path} $fpath); autoload -Uz compinit; compinit -u -D; whence -w _lodeline"
-    order += f"; zsh -n {tmp_path}/_lodeline"
-    result = subprocess.run(["zsh", "-fc", order], capture_output=True, text=True, timeout=20.0)
-    assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout == "_lodeline: function\n"
+def test_zsh_completes_on_tab(tmp_path: Path) -> None:
+    (tmp_path / "_lodeline").write_text(lodeline("completion", "zsh", run=tmp_path).stdout)
+    ours, theirs = pty.openpty()
+    shell = subprocess.Popen(
+        ["zsh", "-fi"],
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        env={**os.environ, "TERM": "dumb"},
+    )
+    os.close(theirs)
+
+    def types(text: str, awaited: str) -> None:
+        """Keys that a user presses, and what the shell shows then."""
+        os.write(ours, text.encode())
+        shown = ""
+        while awaited not in shown:
+            assert select.select([ours], [], [], 10.0)[0], f"{text!r}: {awaited!r} not in {shown!r}"
+            shown += os.read(ours, 4096).decode()
+
+    clear = "\x15"
+    try:
+        types(f"fpath=({tmp_path} $fpath); autoload -Uz compinit; compinit -u -D\n", "\n")
+        types("print $((40 + 2))\n", "42")
+        types("lodeline ba\t", "lodeline bag ")
+        types(f"{clear}lodeline bag rec\t", "lodeline bag reco")
+        types(f"{clear}lodeline graph --m\t", "lodeline graph --mermaid ")
+        types(f"{clear}lodeline completion \t", "bash  zsh")
+    finally:
+        shell.kill()
+        shell.wait()
+        os.close(ours)
