@@ -231,8 +231,6 @@ def _progress(recorder: Recorder) -> Callable[[float], None]:
 def _say_recorded(recorder: Recorder, end: str, failed: bool) -> int:
     if sys.stderr.isatty():
         sys.stderr.write("\r\x1b[K")
-    from lodeline.recording.room import RESERVE
-
     lost = recorder.lost_text()
     text = f"{recorder.sink.path}: {recorder.samples} samples, {_size(recorder)}, {end}"
     print(f"{text}, {'lost ' + lost if lost else 'nothing lost'}")
@@ -246,7 +244,7 @@ def _say_recorded(recorder: Recorder, end: str, failed: bool) -> int:
         )
     elif failed:
         now = time.strftime("%H:%M:%S")
-        spared = "" if recorder.sink.full else f"; {RESERVE / 1e6:.0f} MB are left to others"
+        spared = f": of the disk {recorder.room.spared}" if recorder.room.gone else ""
         text = f"DISK_FULL recording stopped at {now}, file closed and readable{spared}"
         print(text, file=sys.stderr)
     return 1 if failed or recorder.sink.pending else 0

@@ -54,8 +54,8 @@ class Recorder:
         self.flows = {key: KeySummary(cls) for key, cls in types.items()}
         self.refused: dict[str, str] = {}
         self.stopped = threading.Event()
-        self.sink = Sink(path, replace=replace)
         self.room = Room(path.absolute().parent)
+        self.sink = Sink(path, replace=replace)
         self._prefix = f"{pipeline}/"
         self._clock = HostClock(epoch_offset())
         self._writer = RecordingWriter(cast(BinaryIO, self.sink), metadata)

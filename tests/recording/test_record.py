@@ -23,6 +23,7 @@ from lodeline.recording.live import record_live
 from lodeline.recording.read import Recording
 from lodeline.recording.record import Recorder, default_name
 from lodeline.recording.recover import recover
+from lodeline.recording.room import Room
 from lodeline.recording.sink import BALLAST
 from lodeline.recording.summary import summarize
 from lodeline.watch import Watch
@@ -143,10 +144,10 @@ def test_a_full_disk_costs_no_sample_that_was_taken(small_disk: Callable[[int], 
         for seq in range(200_000):
             made.take("rover/imu/data", imu(seq), IMU)
             if seq % 500 == 499:
-                made.tend()
+                made.sink.hold()  # what `tend` does, but for the look that would stop it sooner
             if made.stopped.is_set():
                 break
-        assert made.stopped.is_set()
+        assert made.sink.full
         taken = made.samples
         made.close("disk full")
         assert made.sink.pending == 0
@@ -164,10 +165,15 @@ def test_a_disk_without_room_to_begin_with_is_refused(small_disk: Callable[[int]
     assert list(folder.iterdir()) == []
 
 
-def test_a_disk_that_gets_full_is_told_of_once_and_its_last_200_mb_are_left_to_others(
+def take_room(folder: Path, size: int) -> None:
+    with (folder / "of somebody else").open("wb") as other:
+        os.posix_fallocate(other.fileno(), 0, size)
+
+
+def test_a_disk_that_gets_full_is_told_of_once_and_its_reserve_is_left_to_others(
     small_disk: Callable[[int], Path],
 ) -> None:
-    folder = small_disk(400_000_000)
+    folder = small_disk(40_000_000)
     made = recorder(folder / "run.mcap")
     said = []
     for seq in range(4):
@@ -176,13 +182,23 @@ def test_a_disk_that_gets_full_is_told_of_once_and_its_last_200_mb_are_left_to_o
         said.append(made.room.news)
         if seq == 2:
             assert not made.stopped.is_set()
-            with (folder / "of somebody else").open("wb") as other:
-                os.posix_fallocate(other.fileno(), 0, 210_000_000)
+            take_room(folder, 36_500_000)
     assert made.stopped.is_set()
-    assert said == ["DISK_LOW 399 MB left on the disk of " + str(folder), "", "", ""]
+    assert said == ["DISK_LOW 39 MB left on the disk of " + str(folder), "", "", ""]
     made.close("disk full")
     assert not made.sink.full
     assert numbers(folder / "run.mcap") == [0, 1, 2, 3]
+
+
+def test_on_a_disk_with_no_more_than_its_reserve_no_recording_begins(
+    small_disk: Callable[[int], Path],
+) -> None:
+    folder = small_disk(40_000_000)
+    take_room(folder, 36_500_000)
+    with pytest.raises(RecordingError, match=r"DISK_LOW 3 MB .* its last 4 MB are left to others"):
+        recorder(folder / "run.mcap")
+    assert [entry.name for entry in folder.iterdir()] == ["of somebody else"]
+    assert "200 MB" in Room(small_disk(4_000_000_000)).spared, "of a disk that is not small"
 
 
 # -- beside a running pipeline -----------------------------------------------------------------
