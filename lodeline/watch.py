@@ -86,10 +86,13 @@ class Watch:
         status = {f"status/{node}": Key(NodeStatus.__name__, node) for node in self.manifest.nodes}
         return self.keys() | status
 
-    def full_key(self, name: str) -> str:
-        """The key meant by a name: whole, without the pipeline, or the end of just one key."""
-        short = name.removeprefix(f"{self.manifest.name}/")
-        return f"{self.manifest.name}/{meant_key(short, self.all_keys(), self.manifest.name)}"
+    def full_key(self, name: str, keys: Collection[str] | None = None) -> str:
+        """The one of `keys` (default: all) meant by a name: whole, without the pipeline, or the
+        end of just one.
+        """
+        pipeline = self.manifest.name
+        short = name.removeprefix(f"{pipeline}/")
+        return f"{pipeline}/{meant_key(short, self.all_keys() if keys is None else keys, pipeline)}"
 
     def still_there(self) -> bool:
         """Whether the pipeline still runs under the same supervisor."""

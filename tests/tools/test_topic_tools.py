@@ -75,6 +75,9 @@ def test_a_node_tells_of_itself_on_a_key_too(up: Up) -> None:
     assert answer(up, "info", "status/ekf")["class"] == "NodeStatus"
     result = up.call("topic", "echo", "status/ekf", "-n", "1", "--json", "--timeout", "10")
     assert json.loads(result.stdout)["node"] == "ekf"
+    counted = up.call("topic", "hz", "imu")  # not status/imu: what is counted are samples
+    assert (counted.returncode, counted.stdout) == (4, "")
+    assert "no key 'imu' in rover, did you mean 'imu/mag'?" in counted.stderr
 
 
 def test_bandwidth_is_what_goes_over_the_bus(up: Up) -> None:
@@ -136,7 +139,8 @@ def test_what_is_published_arrives_checked_stamped_and_numbered(up: Up) -> None:
     assert [message.seq for message in got] == list(range(25))
     assert {(message.v, message.w) for message in got} == {(0.05, 0.0)}
     assert all(begun <= message.stamp <= time.time_ns() for message in got)
-    assert (got[-1].stamp - got[0].stamp) * 1e-9 == pytest.approx(24 / 50, abs=0.2)
+    # Never faster than told; how much slower is the machine's affair.
+    assert 0.45 < (got[-1].stamp - got[0].stamp) * 1e-9 < 5.0
     # The simulator keeps the newest only: it took most of them, and knows what became of each
     # after the first that it saw.
     assert eventually(lambda: sum(reader().values()) >= sum(before.values()) + 24, 10.0, 0.3)
