@@ -356,6 +356,15 @@ def test_a_gateway_that_dies_shows_and_its_successor_is_found(chromium: Chromium
     second.stop()
 
 
+WATCHED = """
+window.begun = performance.now();
+window.states = [];
+new MutationObserver(() => window.states.push(document.documentElement.dataset.state))
+  .observe(document.documentElement, {attributeFilter: ["data-state"]});
+0
+"""
+
+
 def test_a_pipeline_that_stops_shows_and_its_next_run_is_found(chromium: Chromium) -> None:
     with Up(ROOT / "pipeline.yaml") as first:
         dash = Dash(first)
@@ -366,6 +375,10 @@ def test_a_pipeline_that_stops_shows_and_its_next_run_is_found(chromium: Chromiu
         alarm = chromium.run("document.getElementById('alarm').textContent")
         assert "DISCONNECTED" in alarm
         assert "lodeline up" in alarm
+        # The line to the gateway is whole: that nothing comes over it is no reason to open another.
+        chromium.run(WATCHED)
+        assert chromium.comes_true("performance.now() > window.begun + 6000", 15.0)
+        assert chromium.run("window.states") == []
         with Up(ROOT / "pipeline.yaml", base=first.run):
             assert chromium.comes_true(LIVE, 15.0)
             assert chromium.comes_true("!document.getElementById('drive').hidden")
@@ -392,6 +405,20 @@ def test_what_is_paused_stays_for_longer_than_the_minute(page: Chromium) -> None
       return [held, still, store.frames[0].n, store.shown.n, store.frames.length];
     })""")
     assert kept == [1799, 1799, 4799, 5999, 1201]
+
+
+def test_a_clock_that_is_set_back_leaves_no_frames_that_never_get_old(page: Chromium) -> None:
+    kept = page.run("""import('/store.js').then(({Store}) => {
+      const store = new Store();
+      store.begin({keys: {}});
+      for (let n = 0; n < 100; n += 1) {
+        const at = n < 50 ? 3600 + n / 20 : n / 20;
+        store.addFrame({n, at, keys: {}, hits: []});
+        store.addStatus({at, nodes: {}});
+      }
+      return [store.frames[0].n, store.frames.length, store.statuses.length];
+    })""")
+    assert kept == [50, 50, 50]
 
 
 BARE = f"""

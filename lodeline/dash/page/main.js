@@ -43,7 +43,7 @@ function setState(state, text, alarm = "") {
 }
 
 const line = new Line({
-  expecting: () => store.scene !== null,
+  expecting: () => document.documentElement.dataset.state !== "gone",
   hello(said) {
     trusted = said.trusted;
     detail.trusted = trusted;

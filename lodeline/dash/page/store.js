@@ -25,13 +25,14 @@ export class Store {
     const last = frames.at(-1);
     if (last && frame.n <= last.n) return;
     frames.push(enriched(frame, this.roles));
-    while (frames[0].at < frame.at - PAST_S) frames.shift();
+    // Later than the newest is what came in before the clock was set back.
+    while (frames[0].at < frame.at - PAST_S || frames[0].at > frame.at) frames.shift();
   }
 
   addStatus(status) {
     this.statuses.push(status);
     const oldest = (this.held ?? status.at) - PAST_S - 2;
-    while (this.statuses[0].at < oldest) this.statuses.shift();
+    while (this.statuses[0].at < oldest || this.statuses[0].at > status.at) this.statuses.shift();
   }
 
   get newest() {
