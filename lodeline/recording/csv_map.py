@@ -17,11 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from lodeline.pipeline.document import Item, read_file
 from lodeline.pipeline.faults import Fault, PipelineError
+from lodeline.pipeline.shape import Shape
 from lodeline.recording.imu_csv import Cells, CsvTable
 from lodeline.recording.terms import Term, parse
 from lodeline_msgs import MESSAGES, FieldSpec, Message, field_specs
@@ -76,16 +78,19 @@ def read_map(file: Path, columns: Collection[str]) -> TableMap:
 
 
 def _key(name: str, item: Item, columns: Collection[str], faults: list[Fault]) -> MappedKey | None:
-    from lodeline.params import nearest
+    from lodeline.params import nearest, shown
 
+    Shape(faults).key(name, item.key)
     if not isinstance(item.value, dict) or "type" not in item.value:
         faults.append(item.place.fault(f"{name} must say its `type` and its fields"))
         return None
     given = dict(item.value)
     kind = given.pop("type")
-    cls = MESSAGES.get(kind.value) if isinstance(kind.value, str) else None
+    word = kind.value if isinstance(kind.value, str) else ""
+    cls = MESSAGES.get(word)
     if cls is None:
-        faults.append(kind.place.fault(f"no message {kind.value!r}{nearest(kind.value, MESSAGES)}"))
+        text = f"type is no message: {shown(kind.plain())}{nearest(word, MESSAGES)}"
+        faults.append(kind.place.fault(text))
         return None
     specs = {spec.name: spec for spec in field_specs(cls) if spec.name not in ("stamp", "seq")}
     fields = []
@@ -164,6 +169,8 @@ def _values(
         numbers = [_number(term, cells, places, sums) for term in terms]
         if None in numbers:
             return None
+        if not all(isfinite(number) for number in numbers if number is not None):
+            table.fail(line, f"{spec.name} is larger than any number, expected something in SI")
         first = numbers[0]
         if spec.length is not None:
             found[spec.name] = tuple(numbers)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from dataclasses import dataclass
-from math import pi
+from math import inf, isfinite, pi
 
 UNITS = {
     "deg": pi / 180.0,
@@ -39,9 +39,9 @@ class Term:
 
 def parse(text: str | float, columns: Collection[str]) -> Term:
     """The term that a text or number means; ValueError, with the columns there are, if none."""
-    if isinstance(text, bool):
-        raise ValueError("expected a column or a number")
     if isinstance(text, int | float):
+        if isinstance(text, bool) or not isfinite(text):
+            raise ValueError("expected a column or a number")
         return Term(None, float(text))
     rest, factor = text.strip(), 1.0
     if rest not in columns and "*" in rest:
@@ -63,6 +63,9 @@ def _factor(word: str) -> float:
     if word in UNITS:
         return UNITS[word]
     try:
-        return float(word)
+        factor = float(word)
     except ValueError:
-        raise ValueError(f"{word!r} is no number and no unit ({', '.join(UNITS)})") from None
+        factor = inf
+    if not isfinite(factor):
+        raise ValueError(f"{word!r} is no number and no unit ({', '.join(UNITS)})")
+    return factor

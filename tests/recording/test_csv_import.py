@@ -14,7 +14,7 @@ from lodeline.recording.csv_guess import propose
 from lodeline.recording.csv_map import read_map, samples
 from lodeline.recording.imu_csv import CsvTable
 from lodeline.recording.read import Recording
-from lodeline_msgs import Imu, MagneticField, Message, WheelTicks
+from lodeline_msgs import MESSAGES, Imu, MagneticField, Message, WheelTicks
 
 Tool = Callable[[list[str]], int]
 Capture = pytest.CaptureFixture[str]
@@ -152,6 +152,8 @@ imu/data:
   type: Imu
   angular_velocity: [gx, gy]
   linear_acceleration: [gx * furlong, gy, true]
+My Wheels: {type: 3}
+magnet: {type: Twist, v: .nan, w: gx * inf}
 """
     with pytest.raises(PipelineError) as caught:
         read(table, wrong)
@@ -160,11 +162,15 @@ imu/data:
         ":1:1: wheels: field 'right' [tick] is missing",
         ":3:9: no column 'enc lft', did you mean 'enc left'?",
         ":4:3: WheelTicks has no field 'rigth', did you mean 'right'?",
-        ":5:22: no message 'Imo', did you mean 'Imu'?",
+        ":5:22: type is no message: the text \"Imo\", did you mean 'Imu'?",
         ":6:43: lateral cannot come from a table",
         ":9:21: needs 3 terms, has 2",
         ":10:25: 'furlong' is no number and no unit (deg, rpm, g, uT, gauss, mm, cm, ms, us, ns)",
         ":10:43: expected a column or a number",
+        ":11:1: key 'My Wheels' may hold a-z, 0-9 and _, in parts separated by /",
+        f":11:19: type is no message: 3 (known: {', '.join(MESSAGES)})",
+        ":12:26: expected a column or a number",
+        ":12:35: 'inf' is no number and no unit (deg, rpm, g, uT, gauss, mm, cm, ms, us, ns)",
     ]
 
 
@@ -176,6 +182,10 @@ imu/data:
         (";0;0;0;0;0;0;0;1;", "time (ms) is empty, expected a time"),
         ("30;zero;0;0;0;0;0;0;1;", "enc left is 'zero', expected a number"),
         ("30;0;0", "3 columns, the header has 10"),
+        (
+            "30;0;0;0;0;0;0;0;1e308;",
+            "linear_acceleration is larger than any number, expected something in SI",
+        ),
     ],
 )
 def test_a_bad_row_is_named_by_file_and_line(table: Path, row: str, why: str) -> None:
