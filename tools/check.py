@@ -38,7 +38,9 @@ def parser() -> argparse.ArgumentParser:
     """What `lodeline check` takes."""
     parser = argparse.ArgumentParser(prog="lodeline check", description=__doc__)
     parser.add_argument(
-        "file", nargs="?", help="pipeline file or name of a profile (default: ./pipeline.yaml)"
+        "file",
+        nargs="?",
+        help="pipeline file or profile (default: ./pipeline.yaml, else the one that comes along)",
     )
     parser.add_argument(
         "--set", action="append", default=[], metavar="NODE.PARAM=VALUE", help="override a param"

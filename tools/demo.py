@@ -45,7 +45,11 @@ def parser() -> argparse.ArgumentParser:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    made.add_argument("file", nargs="?", help="pipeline file or profile (default: pipeline.yaml)")
+    made.add_argument(
+        "file",
+        nargs="?",
+        help="pipeline file or profile (default: ./pipeline.yaml, else the one that comes along)",
+    )
     made.add_argument("--seconds", type=seconds, metavar="N", help="stop after N seconds")
     return made
 

@@ -20,6 +20,8 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from lodeline.terminal.numbers import positive
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -55,7 +57,7 @@ def _hardware(report: Report, arguments: argparse.Namespace) -> int:
     if where is None:
         report.add("bus", "FAIL", f"no driver of {pipeline.file} names a bus", "name it: --bus 1")
         return _end(report, arguments.json)
-    bus = _open(where, pipeline) if check_file(report, where) else None
+    bus = _opened(report, where, pipeline) if check_file(report, where) else None
     if bus is None:
         for topic in _topics(arguments.topic):
             report.add(topic, "skip", "the bus cannot be opened")
@@ -117,9 +119,11 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--bus", type=_bus, metavar="N", help="another I2C bus: 1, sim")
     parser.add_argument(
-        "--pipeline", metavar="FILE", help="pipeline file or profile (default: ./pipeline.yaml)"
+        "--pipeline",
+        metavar="FILE",
+        help="pipeline file or profile (default: ./pipeline.yaml, else the one that comes along)",
     )
-    parser.add_argument("--field", type=float, metavar="UT", help="the field expected here [uT]")
+    parser.add_argument("--field", type=positive, metavar="UT", help="the field expected here [uT]")
     parser.add_argument("--name", metavar="PIPELINE", help="net, clock: which, if several run")
     parser.add_argument("--json", action="store_true", help="print JSON")
     return parser
@@ -131,6 +135,14 @@ def _bus(text: str) -> int | str:
 
 def _topics(topic: str | None) -> tuple[str, ...]:
     return ("bus", "imu") if topic is None else (topic,)
+
+
+def _opened(report: Report, where: int | str, pipeline: Pipeline) -> Bus | None:
+    try:
+        return _open(where, pipeline)
+    except OSError as error:
+        report.add("adapter", "FAIL", error.strerror or str(error), "name the bus: --bus 1")
+        return None
 
 
 def _open(where: int | str, pipeline: Pipeline) -> Bus:

@@ -38,7 +38,11 @@ def parser() -> argparse.ArgumentParser:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("file", nargs="?", help="pipeline file or profile (default: pipeline.yaml)")
+    parser.add_argument(
+        "file",
+        nargs="?",
+        help="pipeline file or profile (default: ./pipeline.yaml, else the one that comes along)",
+    )
     forms = parser.add_mutually_exclusive_group()
     parser.set_defaults(form="text")
     for form, caption in (

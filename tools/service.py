@@ -85,7 +85,11 @@ def parser() -> argparse.ArgumentParser:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("file", nargs="?", help="pipeline file or profile (default: pipeline.yaml)")
+    parser.add_argument(
+        "file",
+        nargs="?",
+        help="pipeline file or profile (default: ./pipeline.yaml, else the one that comes along)",
+    )
     parser.add_argument("--host", help="start this host's share only")
     parser.add_argument("--user", default=getpass.getuser(), help="who runs it (default: you)")
     return parser

@@ -91,7 +91,7 @@ class Run:
         return {
             key: [each for each in samples if isinstance(each, Odometry)]
             for key, samples in self.samples.items()
-            if is_truth(key)
+            if is_truth(key) and isinstance(samples[0], Odometry)
         }
 
     @property

@@ -342,6 +342,8 @@ def test_the_command_prints_numbered_checks_and_exits_with_1_on_a_failure(
     first = said["checks"][0]
     assert (first["number"], first["name"], first["verdict"]) == (1, "device file", "FAIL")
     assert {check["verdict"] for check in said["checks"][1:]} == {"skip"}
+    assert main(["doctor", "bus", "--bus", "/dev/null"]) == 1
+    assert "FAIL  adapter: /dev/null is not an I2C bus" in capsys.readouterr().out
 
 
 def test_the_simulated_robot_is_that_of_the_file(
