@@ -45,9 +45,8 @@ def find(name_or_path: str | None) -> Path:
     if name_or_path in profiles:
         return profiles[name_or_path]
     text = f"is neither a file nor a profile{nearest(name_or_path, profiles)}"
-    if path.is_dir():
-        inside = f", did you mean {path / DEFAULT}?" if is_file(path / DEFAULT) else ""
-        text = f"is a folder{inside}"
+    if is_file(path / DEFAULT):
+        text = f"is a folder, did you mean {path / DEFAULT}?"
     raise PipelineError([Fault(name_or_path, 0, 0, text)])
 
 

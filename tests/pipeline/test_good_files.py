@@ -258,15 +258,13 @@ def test_find_names_the_nearest_profile(
     assert str(caught.value) == f"{name}: {text}"
 
 
-@pytest.mark.parametrize("name", ["x" * 5000, "no/such/place"])
+@pytest.mark.parametrize("name", ["x" * 5000, "no/such/place", "/"])
 def test_find_refuses_odd_names_in_words(name: str) -> None:
     with pytest.raises(PipelineError, match="is neither a file nor a profile"):
         find(name)
 
 
 def test_a_folder_is_no_pipeline_but_may_hold_one(tmp_path: Path) -> None:
-    with pytest.raises(PipelineError, match=f"^{tmp_path}: is a folder$"):
-        find(str(tmp_path))
     file = tmp_path / "pipeline.yaml"
     file.touch()
     with pytest.raises(PipelineError, match=f"is a folder, did you mean {file}\\?"):
