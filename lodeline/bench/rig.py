@@ -26,8 +26,9 @@ STOP_S = 20.0
 class Rig:
     """`with Rig(file) as rig:` a pipeline that is up; its log, processes, poses and truth.
 
-    Times in `log`, `poses` and `truths` are those of arrival [s], monotonic. One that is `deaf`
-    hears no samples, so that none is sent for its sake.
+    Times in `log`, `poses`, `truths` and `gaps` are those of arrival [s], monotonic; `gaps` are
+    those that odometry announced. One that is `deaf` hears no samples, so that none is sent for its
+    sake.
     """
 
     def __init__(self, file: str, *settings: str, deaf: bool = False) -> None:
@@ -36,6 +37,8 @@ class Rig:
         self.log: list[tuple[float, str]] = []
         self.poses: list[tuple[float, PoseEstimate]] = []
         self.truths: list[tuple[float, Odometry]] = []
+        self.gaps: list[float] = []
+        self._resets: int | None = None
         self.counts: dict[str, int] = {}
         self.environment = {**os.environ, "LODELINE_RUN": self._folder.name, "NO_COLOR": "1"}
         words = [word for setting in settings for word in ("--set", setting)]
@@ -103,6 +106,11 @@ class Rig:
             self.poses.append((time.monotonic(), unpack(data, PoseEstimate)))
         elif key == f"{self.name}/truth":
             self.truths.append((time.monotonic(), unpack(data, Odometry)))
+        elif key == f"{self.name}/odom":
+            resets = unpack(data, Odometry).resets
+            if self._resets not in (None, resets):
+                self.gaps.append(time.monotonic())
+            self._resets = resets
 
     def _end(self) -> None:
         if not self.ended:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lodeline.bench.rig import position_errors
-from lodeline.bench.soak import ERROR_M, Record, slope, verdict
+from lodeline.bench.soak import ERROR_M, CalmPoses, Record, calm_poses, slope, verdict
 from lodeline_msgs import Odometry, PoseEstimate
 
 NOTHING = (0.0,) * 9
@@ -48,16 +48,28 @@ def test_where_the_truth_was_away_nothing_is_measured() -> None:
     assert position_errors([pose(1_500_000_000, 9.0)], truths) == []
 
 
+def test_a_doubt_has_a_reason_only_after_a_gap() -> None:
+    errors = [(float(second), float(second)) for second in range(20)]
+    doubted = {2.0, 8.0, 12.0, 18.0}
+    found = calm_poses(errors, doubted, kills=[1.0, 10.0], gaps=[11.0, 15.0])
+    assert found.unsure == [8.0, 18.0], "2 s and 12 s are less than 3 s after a kill"
+    assert found.groundless == 1
+    assert 13.0 not in found.sure
+    assert 14.0 in found.sure
+    assert calm_poses(errors, doubted, [], []).groundless == 4
+
+
 def test_every_broken_bound_is_named(capsys: pytest.CaptureFixture[str]) -> None:
     well = {"ekf": Record(kills=[1.0], back=[0.5], memory={1: grown(0.0)})}
-    assert verdict(well, {"ekf": "running"}, [0.001] * 500) == 0
+    assert verdict(well, {"ekf": "running"}, CalmPoses([0.001] * 500, [0.1] * 90, 5)) == 0
     ill = {"ekf": Record(kills=[1.0, 2.0], back=[0.5], memory={1: grown(0.05)})}
-    assert verdict(ill, {"ekf": "failed"}, [2 * ERROR_M] * 500) == 1
+    assert verdict(ill, {"ekf": "failed"}, CalmPoses([2 * ERROR_M] * 500, [], 9)) == 1
     said = capsys.readouterr().err
     for words in (
         "ekf is failed",
         "was not back within",
         "grows by 5.0",
+        "ambiguous 9 times without a reason",
         "only 0.00% of the sure time",
     ):
         assert words in said
