@@ -20,7 +20,7 @@ def test_drivers_outlive_a_restart_of_the_simulator(tmp_path: Path) -> None:
     params = RobotParams(encoder_noise=0.0)
     robot = SimulatedRobot(params, lambda: now)
     server = I2cServer(robot.bus, tmp_path / "i2c")
-    bus = open_bus("sim", tmp_path / "i2c")
+    bus = open_bus("sim", tmp_path / "i2c", None)
     imu, mag, encoders, bar = Mpu(bus), Ak8963(bus), Encoders(bus), ReedBar(bus)
 
     def read_all() -> tuple[bool, bool, tuple[int, int] | None, bool]:

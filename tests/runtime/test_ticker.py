@@ -62,12 +62,11 @@ def started(driver: Counting, failures: Failures | None = None) -> Ticker:
 def test_ticks_keep_their_rate_without_drift() -> None:
     driver = Counting(Params(rate=200.0))
     driver.wanted = 200
-    begin = time.monotonic_ns()
     ticker = started(driver)
     assert driver.enough.wait(10.0)
     ticker.stop()
     ticks = len(driver.stamps) - 1 + driver.context.rejected["missed tick"]
-    elapsed = (driver.stamps[-1] - begin) * 1e-9
+    elapsed = (driver.stamps[-1] - driver.stamps[0]) * 1e-9
     assert ticks / 200.0 == pytest.approx(elapsed, abs=0.02)
 
 
@@ -81,21 +80,22 @@ def test_a_slow_tick_is_followed_by_counted_misses_not_by_a_burst() -> None:
     ticker.stop()
     assert driver.context.rejected["missed tick"] >= 15
     gaps = [(b - a) * 1e-9 for a, b in zip(driver.stamps, driver.stamps[1:], strict=False)]
-    assert sum(gap < 0.002 for gap in gaps) <= 2, "a burst of late ticks"
+    # One short gap follows each tick that came late; a burst would make up for all twenty missed.
+    assert sum(gap < 0.002 for gap in gaps) < 7, "a burst of late ticks"
 
 
 def test_ticks_that_begin_late_are_counted_and_how_late_they_were_is_known() -> None:
-    driver = Counting(Params(rate=50.0))
-    driver.wanted = 20
-    pauses = iter([0.0] * 5 + [0.028] + [0.0] * 5 + [0.028])
+    driver = Counting(Params(rate=10.0))
+    driver.wanted = 7
+    pauses = iter([0.0, 0.14, 0.0, 0.0, 0.14])
     driver.do = lambda: time.sleep(next(pauses, 0.0))
     ticker = started(driver)
     assert driver.enough.wait(10.0)
     ticker.stop()
     late = sorted(driver.context.lateness)
     assert driver.context.rejected["late tick"] >= 2
-    assert sum(each > 0.007 for each in late) >= 2, "8 ms after two ticks of 28 ms"
-    assert late[0] < 0.002
+    assert sum(each > 0.035 for each in late) >= 2, "40 ms after two ticks of 140 ms"
+    assert late[0] < 0.02
 
 
 def test_an_exception_in_a_tick_is_counted_and_the_next_tick_comes() -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from lodeline.i2c import open_bus
+from lodeline.i2c import Bus, open_bus
 from lodeline.sim.adapter import Message
 from lodeline.sim.robot import RobotParams, SimulatedRobot
 from lodeline.sim.server import I2cServer
@@ -28,7 +28,7 @@ import json, sys
 from pathlib import Path
 from smbus2 import i2c_msg
 from lodeline.i2c import open_bus
-bus = open_bus("sim", Path(sys.argv[1]))
+bus = open_bus("sim", Path(sys.argv[1]), None)
 try:
     bus.read_byte_data(0x33, 0)
     absent = 0
@@ -56,6 +56,11 @@ def robot() -> SimulatedRobot:
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
     return tmp_path / "i2c"
+
+
+def patient_bus(path: Path) -> Bus:
+    """The bus behind a socket, however slow the machine is."""
+    return open_bus("sim", path, None)
 
 
 def test_another_process_works_on_the_same_chips(robot: SimulatedRobot, path: Path) -> None:
@@ -94,7 +99,7 @@ def test_a_stale_socket_file_is_replaced(robot: SimulatedRobot, path: Path) -> N
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(path))
     with I2cServer(robot.bus, path):
-        assert open_bus("sim", path).read_byte_data(0x68, 0x75) == 0x71
+        assert patient_bus(path).read_byte_data(0x68, 0x75) == 0x71
 
 
 def test_a_living_server_is_not_replaced(robot: SimulatedRobot, path: Path) -> None:
@@ -102,7 +107,7 @@ def test_a_living_server_is_not_replaced(robot: SimulatedRobot, path: Path) -> N
         with pytest.raises(OSError, match="another simulator serves") as caught:
             I2cServer(robot.bus, path)
         assert caught.value.errno == errno.EADDRINUSE
-        assert open_bus("sim", path).read_byte_data(0x68, 0x75) == 0x71
+        assert patient_bus(path).read_byte_data(0x68, 0x75) == 0x71
 
 
 def test_a_path_too_long_for_a_socket_is_named(robot: SimulatedRobot, tmp_path: Path) -> None:
@@ -112,14 +117,12 @@ def test_a_path_too_long_for_a_socket_is_named(robot: SimulatedRobot, tmp_path: 
 
 def test_a_restarted_simulator_costs_one_transaction(robot: SimulatedRobot, path: Path) -> None:
     server = I2cServer(robot.bus, path)
-    bus = open_bus("sim", path)
+    bus = patient_bus(path)
     assert bus.read_byte_data(0x68, 0x75) == 0x71
     server.close()
     for _ in range(2):
-        begin = time.monotonic()
-        with pytest.raises(OSError):
+        with pytest.raises(OSError):  # at once: this bus would wait for ever
             bus.read_byte_data(0x68, 0x75)
-        assert time.monotonic() - begin < 0.2, "a lost simulator is noticed at once"
     with I2cServer(robot.bus, path):
         assert bus.read_byte_data(0x68, 0x75) == 0x71
 
@@ -128,7 +131,7 @@ def test_a_server_killed_under_a_client_costs_exactly_one_transaction(
     robot: SimulatedRobot, path: Path
 ) -> None:
     first = I2cServer(robot.bus, path)
-    bus = open_bus("sim", path)
+    bus = patient_bus(path)
     bus.read_byte_data(0x68, 0x75)
     first.close()
     with I2cServer(robot.bus, path):
@@ -181,7 +184,7 @@ def test_nonsense_from_one_client_does_not_disturb_another(
     robot: SimulatedRobot, path: Path, garbage: bytes
 ) -> None:
     with I2cServer(robot.bus, path):
-        bus = open_bus("sim", path)
+        bus = patient_bus(path)
         with socket.socket(socket.AF_UNIX) as rude:
             rude.connect(str(path))
             rude.settimeout(5.0)
@@ -209,15 +212,11 @@ def test_a_slow_answer_is_a_hung_bus_but_never_in_simulated_time(
 
 
 def test_many_clients_at_once_each_get_their_own_answers(robot: SimulatedRobot, path: Path) -> None:
-    wrong: list[int] = []
+    answers: list[bool] = []
 
     def read(address: int, register: int, expected: int) -> None:
-        bus = open_bus("sim", path)
-        wrong.extend(
-            got
-            for got in (bus.read_byte_data(address, register) for _ in range(200))
-            if got != expected
-        )
+        bus = patient_bus(path)
+        answers.extend(bus.read_byte_data(address, register) == expected for _ in range(200))
         bus.close()
 
     with I2cServer(robot.bus, path):
@@ -227,7 +226,7 @@ def test_many_clients_at_once_each_get_their_own_answers(robot: SimulatedRobot, 
             thread.start()
         for thread in threads:
             thread.join()
-    assert wrong == []
+    assert answers == [True] * 800
 
 
 def test_a_closed_server_leaves_no_threads_and_no_descriptors(
@@ -236,7 +235,7 @@ def test_a_closed_server_leaves_no_threads_and_no_descriptors(
     # other tests' may be closed meanwhile, so there may also be fewer
     open_descriptors = len(list(Path("/proc/self/fd").iterdir()))
     server = I2cServer(robot.bus, path)
-    buses = [open_bus("sim", path) for _ in range(3)]
+    buses = [patient_bus(path) for _ in range(3)]
     for bus in buses:
         bus.read_byte_data(0x68, 0x75)
     for bus in buses[1:]:
