@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).parent
-LIVE = ("calibrate_verb", "dash", "faults", "live", "supervisor", "tools")
+LIVE = ("dash", "live", "tools")
 """Folders whose tests start pipelines, and have deadlines."""
 
-PAIRED = ("hosts", "packaging")
+PAIRED = ("calibrate_verb", "faults", "hosts", "packaging", "supervisor")
 """Folders whose tests start pipelines and wait more than they work."""
 
 
@@ -21,7 +21,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what must have the machine for itself, and what at most one more may share."""
     for item in items:
         folder = item.path.relative_to(TESTS.parent).parts[1]
-        if folder in LIVE:
+        if folder in LIVE and item.get_closest_marker("paired") is None:
             item.add_marker("live")
         elif folder in PAIRED and item.get_closest_marker("live") is None:
             item.add_marker("paired")

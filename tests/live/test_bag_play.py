@@ -12,6 +12,8 @@ from lodeline.bus import Client
 from lodeline_msgs import PoseEstimate, unpack
 from tests.support.live import ROOT, Up, eventually, lodeline
 
+pytestmark = pytest.mark.paired  # waits for a recording to be over
+
 LOOP = ROOT / "tests" / "data" / "recordings" / "loop.txt"
 TRUTH = LOOP.with_name("loop_truth.csv")
 

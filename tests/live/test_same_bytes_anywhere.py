@@ -18,6 +18,8 @@ from lodeline.watch import Watch
 from lodeline_msgs import Message, encoding_of, pack, unpack
 from tests.support.live import ROOT, Up, eventually
 
+pytestmark = pytest.mark.paired  # waits for a recording to be over
+
 Sent = dict[str, list[bytes]]
 SAMPLES = 800
 RECORDING = ROOT / "tests" / "data" / "recordings" / "rover.mcap"

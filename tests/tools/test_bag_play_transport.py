@@ -21,6 +21,8 @@ from lodeline.recording.write import RecordingWriter
 from lodeline_msgs import Twist, pack, unpack
 from tests.support.live import ROOT, Up, environment, eventually
 
+pytestmark = pytest.mark.paired  # waits for a recording to be over
+
 SECOND = 1_000_000_000
 
 
