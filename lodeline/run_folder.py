@@ -60,6 +60,7 @@ class Manifest:
     `nodes` gives each node of the whole pipeline its process, `places` its host; only those on
     `hosts` run here. `readers` are the nodes of all hosts that read a key, by key; `withheld` what
     the link does not take from tools here to nodes of another host: `@restart`, `cmd_vel`.
+    `sources` are the files that it was read from, see `lodeline.pipeline.edited`.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Manifest:
     places: dict[str, str] = field(default_factory=dict)
     withheld: tuple[str, ...] = ()
     overrides: tuple[str, ...] = ()
+    sources: dict[str, str] = field(default_factory=dict)
 
     @property
     def host(self) -> str:
@@ -129,7 +131,8 @@ class RunFolder:
     """A run folder while its supervisor lives: `with RunFolder(name, hosts) as run: run.path`.
 
     Raises AlreadyUpError naming pid and time, and RunFolderError for a folder of somebody else.
-    What a predecessor that died without a word left behind, files and processes, is removed.
+    What a predecessor that died without a word left behind, files and processes, is removed:
+    `unclean` says that there was one, `leftovers` which processes were killed.
     """
 
     def __init__(self, name: str, hosts: Sequence[str]) -> None:
@@ -144,9 +147,8 @@ class RunFolder:
         except BaseException:
             self._unlock()
             raise
-        self.leftovers: list[int] = []
-        if (self.path / MANIFEST).exists():
-            self.leftovers = kill_marked(marker_of(self.path))
+        self.unclean = self.path.is_dir() and any(not each.is_dir() for each in self.path.iterdir())
+        self.leftovers = kill_marked(marker_of(self.path)) if self.unclean else []
         shutil.rmtree(self.path, ignore_errors=True)
         _own(self.path)
         _own(self.path / STATE)

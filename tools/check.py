@@ -1,6 +1,7 @@
 """Say everything that is wrong with a pipeline file, before anything starts.
 
 Prints each fault as `file:line:column: what, and the nearest right name`; exits 3 if there is one.
+Also says if a pipeline runs that was started from this file before it was edited.
 """
 
 from __future__ import annotations
@@ -10,8 +11,10 @@ import json
 import sys
 from dataclasses import asdict
 
+from lodeline.pipeline.edited import edited, told
 from lodeline.pipeline.load import PipelineError, find, load
 from lodeline.pipeline.model import Pipeline
+from lodeline.run_folder import running
 
 INVALID = 3
 
@@ -30,6 +33,10 @@ def main(argv: list[str]) -> int:
         return INVALID
     for warning in pipeline.warnings:
         print(f"warning: {warning}", file=sys.stderr)
+    for runs in running(pipeline.name):
+        manifest = runs.manifest
+        if manifest.file == str(pipeline.file) and (text := told(edited(manifest.sources))):
+            print(f"{manifest.name}@{manifest.host}: {text}", file=sys.stderr)
     print(json.dumps(_described(pipeline)) if arguments.json else f"{file}: {_summary(pipeline)}")
     return 0
 

@@ -1,4 +1,4 @@
-"""Show the processes of running pipelines: state, restarts, cost.
+"""Show the processes of running pipelines: state, restarts, cost; whether its files were edited.
 
 With --check it also says what is not well: a process that does not run, a node that is degraded
 or at fault, a rate that is off by more than a fifth, an output that is silent. Exit codes: 0 shown
@@ -14,6 +14,8 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+from lodeline.pipeline.edited import edited, told
 
 EXIT_FAILED, EXIT_NOTHING, EXIT_DIED = 1, 4, 5
 TIMEOUT_S = 2.0
@@ -41,7 +43,8 @@ def main(argv: list[str]) -> int:
         manifest = item.manifest
         answers = _ask(item.folder, f"{manifest.name}/@ps/*")
         for host, report in answers:
-            known = {"pipeline": manifest.name, "host": host}
+            changed = edited(manifest.sources) if host == manifest.host else []
+            known = {"pipeline": manifest.name, "host": host, "edited": changed}
             # Two machines may claim one host: both are shown.
             reports[f"{manifest.name}@{host} {report['pid']}"] = known | report
         if manifest.host not in {host for host, _ in answers}:
@@ -60,6 +63,8 @@ def _check(reports: Iterable[dict[str, Any]]) -> int:
     """Say on standard error what is not well; the exit code."""
     code = 0
     for report in reports:
+        if text := told(report["edited"]):  # no fault of what runs
+            print(f"{report['pipeline']}@{report['host']}: {text}", file=sys.stderr)
         for process in report["processes"]:
             name, state, status = process["process"], process["state"], process["status"]
             if state not in WELL:
@@ -98,6 +103,7 @@ def _shown(report: dict[str, Any]) -> str:
     head = f"{report['pipeline']} on {report['host']}: supervisor {report['pid']}, "
     head += f"up {_duration(report['uptime'])}, pipeline {report['digest']}"
     head += "".join(f"\n  {_link(link)}" for link in report["links"])
+    head += f"\n  {text}" if (text := told(report["edited"])) else ""
     if refused := report.get("refused"):
         head += f"\n  LINK_REFUSED {refused['who']}: {refused['why']}: {refused['remedy']}"
     rows = [HEADINGS, *(_row(process) for process in report["processes"])]

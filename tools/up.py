@@ -139,9 +139,9 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             nodes = sum(len(plan.nodes) for plan in plans)
             size = f"{_count(nodes, 'node')} in {_count(len(plans), 'process', 'es')}"
             console.event(f"{_shown(pipeline.file)}: {pipeline.name} on {run.path.name}, {size}")
-            if run.leftovers:
+            if run.unclean:
                 killed = _count(len(run.leftovers), "process", "es")
-                console.event(f"LEFTOVER {killed} of the last run killed")
+                console.event(f"LEFTOVER files of a run that died were removed, {killed} killed")
             manifest = _manifest(pipeline, hosts, link.withheld)
             run.publish(manifest)
 
@@ -219,6 +219,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
 
 
 def _manifest(pipeline: Pipeline, hosts: Sequence[str], withheld: Sequence[str]) -> Manifest:
+    from lodeline.pipeline.edited import fingerprints
     from lodeline.run_folder import Key, Manifest, Reader
 
     senders = {key: spec for spec in pipeline.nodes for key in spec.outputs.values()}
@@ -244,6 +245,7 @@ def _manifest(pipeline: Pipeline, hosts: Sequence[str], withheld: Sequence[str])
         readers=readers,
         withheld=tuple(withheld),
         overrides=pipeline.overrides,
+        sources=fingerprints(pipeline),
     )
 
 

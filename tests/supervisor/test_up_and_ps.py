@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -14,7 +15,8 @@ from typing import Any
 
 import pytest
 
-from tests.supervisor.talk import Talk, alive, until
+from tests.supervisor.talk import Talk, alive
+from tests.support.live import living
 
 ROOT = Path(__file__).parents[2]
 NODES = Path(__file__).parent / "nodes"
@@ -186,14 +188,82 @@ def test_an_interrupt_ends_it_with_130_and_nothing_runs_any_more(shell: Shell, u
     assert shell.run("ps").returncode == 4
 
 
-def test_after_a_kill_the_next_up_starts_clean(shell: Shell, up: Up) -> None:
+def cut_power(up: Talk, base: Path) -> None:
+    """Kill a supervisor, its guard and its nodes as one."""
+    parents: dict[int, int] = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            parents[int(entry.name)] = int(
+                (entry / "stat").read_text().rpartition(")")[2].split()[1]
+            )
+    family = {up.process.pid}
+    while more := {pid for pid, parent in parents.items() if parent in family} - family:
+        family |= more
+    for number in (signal.SIGSTOP, signal.SIGKILL):
+        for pid in [*family, *living(f"NOTIFY_SOCKET={base}/")]:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, number)
+    up.end()
+
+
+@pytest.mark.parametrize(
+    ("moment", "damage"),
+    [
+        (("lodeline", "pipeline.yaml: little"), lambda data: b""),
+        (("sink", r"saw 9"), lambda data: data[: len(data) // 2]),
+        (("sink", r"saw 3"), lambda data: bytes(len(data))),
+    ],
+    ids=["empty", "cut", "zeros"],
+)
+def test_after_a_power_cut_the_next_up_removes_what_was_left_and_says_so(
+    shell: Shell,
+    up: Up,
+    run_base: Path,
+    moment: tuple[str, str],
+    damage: Callable[[bytes], bytes],
+) -> None:
     shell.write(PIPELINE)
     first = up()
-    first.wait("sink", r"saw \d+")
+    first.wait(*moment)
+    cut_power(first, run_base)
+    spoilt = [file for file in run_base.rglob("*") if file.is_file()]
+    for file in spoilt:  # as a disk has them that was never told to write them down
+        file.write_bytes(damage(file.read_bytes()))
+    assert {"manifest.json", "robot.lock"} <= {file.name for file in spoilt}
+    assert shell.run("ps").returncode == 4
+    second = up()
+    second.wait("lodeline", r"LEFTOVER files of a run that died were removed, \d+ process")
+    second.wait("sink", r"saw \d+")
+    assert shell.run("logs", "sink").returncode == 0
+    second.signal(signal.SIGINT)
+    assert second.end() == 130
+    third = up("--seconds", "0.1")
+    assert third.end() == 0
+    assert not third.said("lodeline", "LEFTOVER")
+
+
+def test_an_edited_file_changes_nothing_that_runs_and_ps_and_check_say_so(
+    shell: Shell, up: Up
+) -> None:
+    shell.write(PIPELINE)
+    talk = up()
+    talk.wait("sink", r"saw \d+")
+    assert "EDITED" not in shell.run("ps", "--check").stderr + shell.run("check").stderr
     pids = [item["pid"] for item in shell.ps()[0]["processes"]]
-    first.signal(signal.SIGKILL)
-    until(lambda: not any(alive(pid) for pid in pids), 0.5)
-    assert up("--seconds", "0.3").end() == 0
+    shell.write(PIPELINE.replace("word: saw", "word: caught"))
+    words = "EDITED pipeline.yaml: takes effect with the next `lodeline up`"
+    shown = shell.run("ps", "--check")
+    assert shown.returncode == 0, "what runs is well"
+    assert words in shown.stdout
+    assert f"little@robot: {words}" in shown.stderr
+    assert f"little@robot: {words}" in shell.run("check").stderr
+    (report,) = shell.ps()
+    assert report["edited"] == [str(shell.folder / "pipeline.yaml")]
+    assert [item["pid"] for item in report["processes"]] == pids
+    heard = len(talk.said("sink", r"saw \d+"))
+    talk.wait("sink", r"saw \d+", heard + 5)
+    shell.write(PIPELINE)
+    assert shell.ps()[0]["edited"] == []
 
 
 def test_without_a_host_one_machine_plays_them_all(shell: Shell, up: Up) -> None:
@@ -206,7 +276,9 @@ def test_without_a_host_one_machine_plays_them_all(shell: Shell, up: Up) -> None
 
 
 def test_with_a_host_only_its_share_runs(shell: Shell, up: Up) -> None:
-    shell.write(TWO_HOSTS)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    shell.write(TWO_HOSTS.replace("127.0.0.1", f"127.0.0.1:{port}"))
     talk = up("--host", "robot", "--seconds", "0.2")
     assert talk.end() == 0
     assert "pair on robot, 1 node in 1 process" in talk.said("lodeline", ".*")[0][0]
