@@ -189,8 +189,13 @@ class Session:
 
         self._kept.append(self._session.declare_queryable(key, reply))
 
-    def ask(self, key: str, timeout: float = 1.0, data: bytes = b"") -> list[tuple[str, bytes]]:
-        """All answers (key, data) to a query that holds `data`, at most `timeout` seconds later."""
+    def ask(
+        self, key: str, timeout: float = 1.0, data: bytes = b"", *, behind: bool = False
+    ) -> list[tuple[str, bytes]]:
+        """All answers (key, data) to a query that holds `data`, at most `timeout` seconds later.
+
+        Question and answers overtake samples on their way, or let all of them pass: `behind`.
+        """
         # Two machines that claim one host answer with one key: both are wanted.
         replies = self._session.get(
             key,
@@ -198,9 +203,9 @@ class Session:
             payload=data or None,
             consolidation=zenoh.ConsolidationMode.NONE,
             # A question that waits for room on a dead link holds whoever sends there for 5 s, and
-            # the link stays deaf after its return. Its answer goes as it does: past the samples.
+            # the link stays deaf after its return. Its answer goes as it does.
             congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.INTERACTIVE_HIGH,
+            priority=zenoh.Priority.BACKGROUND if behind else zenoh.Priority.INTERACTIVE_HIGH,
         )
         good = [reply.ok for reply in replies if reply.ok is not None]
         return [(str(sample.key_expr), sample.payload.to_bytes()) for sample in good]

@@ -1,4 +1,4 @@
-"""What a restarted node missed: its senders keep their newest samples, and hand them over.
+"""What a restarted node missed: its senders kept it (`lodeline.recent`), and hand it over.
 
 Without them an attitude that lost half a second of gyro would have to look for north anew.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from typing import Any, NamedTuple
@@ -15,10 +14,9 @@ from typing import Any, NamedTuple
 import msgpack
 
 from lodeline.inlet import Inlet
-from lodeline_msgs import DecodeError, Message, pack
+from lodeline.recent import recent_key
+from lodeline_msgs import DecodeError, Message
 
-RECENT = 512
-"""Samples kept of each output, two and a half seconds at 200 Hz."""
 PATIENCE_S = 0.5
 ANSWER_S = 0.15
 """A question on a link that has just come up can get lost; then it is put again, not waited for."""
@@ -26,26 +24,6 @@ LONGEST_HOLD_S = 1.0
 TRY_AGAIN_S = 0.01
 
 Ask = Callable[[str, float], list[tuple[str, bytes]]]
-
-
-def recent_key(key: str) -> str:
-    """Where the newest samples of a key are to be had."""
-    return f"{key}/@recent"
-
-
-class Recent:
-    """Keeps the newest samples of an output; `tap` gets each, `answer` may run in any thread."""
-
-    def __init__(self, source: str) -> None:
-        self._source = source
-        self._kept: deque[Message] = deque(maxlen=RECENT)
-        self.tap = self._kept.append
-
-    def answer(self) -> bytes:
-        """Who sends them, and the samples, as one payload."""
-        kept = list(self._kept)  # in one step of the interpreter: `tap` cannot come between
-        data: bytes = msgpack.packb([self._source, [pack(message) for message in kept]])
-        return data
 
 
 class _Sample(NamedTuple):

@@ -27,7 +27,7 @@ from lodeline.intake import Edge, Intake
 from lodeline.keepsake import Keepsake
 from lodeline.launch import VARIABLE, Launch, NodeLaunch
 from lodeline.loading import load_node
-from lodeline.missed import Missed, Recent, recent_key
+from lodeline.missed import Missed
 from lodeline.node import Context, Driver, Node
 from lodeline.notify import Notifier
 from lodeline.orders import Orders
@@ -93,10 +93,6 @@ class NodeProcess:
             publisher = self.bus.publisher(key, encoding_of(message))
             self.publishers[key] = publisher
             self.graph.tap(key, self.status.outlet(item.name, publisher, item.rates.get(port)))
-            if port in item.awaited:
-                recent = Recent(self.bus.id)
-                self.graph.tap(key, recent.tap)
-                self.bus.serve(recent_key(key), recent.answer)
         if type(node).calibrate is not Node.calibrate:
             key = f"{self.launch.pipeline}/@calibrate/{self.launch.host}/{item.name}"
             self.bus.serve_told(key, partial(self._calibrate, node))

@@ -15,6 +15,7 @@ from lodeline.health import Complaint, Pace, worst
 from lodeline.inlet import Inlet, counts
 from lodeline.launch import Launch
 from lodeline.node import Driver, Node
+from lodeline.recent import KEPT_S, Recent, recent_key
 from lodeline_msgs import Message, NodeStatus, encoding_of, pack
 
 LONGEST_TEXT = 500
@@ -23,12 +24,20 @@ MOST_MISSED = 0.05
 
 
 class Outlet:
-    """Puts what a node sends on the bus; packs only while somebody listens."""
+    """Puts what a node sends on the bus; packs only while somebody listens.
 
-    __slots__ = ("_pace", "bytes", "last", "muted", "packed", "publisher", "sent", "total")
+    And for a while after: a listener whose link was cut will ask for it (`recent`).
+    """
 
-    def __init__(self, publisher: Publisher, expected: float | None = None) -> None:
+    __slots__ = (
+        *("_kept_until", "_pace", "bytes", "last", "muted", "packed", "publisher", "recent"),
+        *("sent", "total"),
+    )
+
+    def __init__(self, publisher: Publisher, recent: Recent, expected: float | None = None) -> None:
         self.publisher = publisher
+        self.recent = recent
+        self._kept_until = 0.0
         self.muted = False
         self.sent = 0
         self.total = 0
@@ -43,12 +52,16 @@ class Outlet:
         if self.muted:
             return
         self.sent += 1
-        self.last = time.monotonic()
+        self.last = now = time.monotonic()
         if self.publisher.watched:
             data = pack(message)
             self.bytes += len(data)
             self.packed += 1
             self.publisher.put(data)
+            self.recent.keep(message, data)
+            self._kept_until = now + KEPT_S
+        elif now < self._kept_until:
+            self.recent.keep(message, pack(message))
 
     @property
     def paced(self) -> bool:
@@ -79,10 +92,12 @@ class StatusReporter:
         self._nodes = nodes
         self._outlets: dict[str, list[Outlet]] = {name: [] for name in nodes}
         self._inlets: dict[str, list[Inlet[Any]]] = {name: [] for name in nodes}
+        self._bus = bus
+        keys = {name: f"{launch.pipeline}/status/{name}" for name in nodes}
         self._puts: dict[str, Callable[[bytes], None]] = {
-            name: bus.keeper(f"{launch.pipeline}/status/{name}", encoding_of(NodeStatus))
-            for name in nodes
+            name: bus.keeper(key, encoding_of(NodeStatus)) for name, key in keys.items()
         }
+        self._recents = {name: self._recent(key) for name, key in keys.items()}
         self._told: Counter[tuple[str, str]] = Counter()
         self.complaints: list[Complaint] = []
         self._seq = 0
@@ -91,9 +106,14 @@ class StatusReporter:
 
     def outlet(self, node: str, publisher: Publisher, expected: float | None = None) -> Outlet:
         """A counted way onto the bus for one output of a node, `expected` times a second."""
-        outlet = Outlet(publisher, expected)
+        outlet = Outlet(publisher, self._recent(publisher.key), expected)
         self._outlets[node].append(outlet)
         return outlet
+
+    def _recent(self, key: str) -> Recent:
+        recent = Recent(self._bus.id)
+        self._bus.serve_told(recent_key(key), recent.answer)
+        return recent
 
     def silence(self, node: str, since: float) -> float:
         """How long [s] the output of a node was silent that was so longest, of those with a rate.
@@ -129,7 +149,9 @@ class StatusReporter:
         self._since, self._cpu = now, cpu
         for name in self._nodes:
             status = self._status(name, stamp, elapsed, used / elapsed, now)
-            self._puts[name](pack(status))
+            data = pack(status)
+            self._puts[name](data)
+            self._recents[name].keep(status, data)
         self._seq += 1
 
     def _status(self, name: str, stamp: int, elapsed: float, cpu: float, now: float) -> NodeStatus:

@@ -186,6 +186,10 @@ class Watch:
         answers = self._client.ask(f"{self.manifest.name}/{what}/*{rest}", data=data)
         return {key.split("/")[2]: json.loads(data) for key, data in answers}
 
+    def ask_behind(self, key: str, data: bytes, timeout: float) -> list[bytes]:
+        """Answers to a query of a full key that holds up no sample, at most `timeout` s later."""
+        return [answer for _, answer in self._client.ask(key, timeout, data, behind=True)]
+
     def subscribe(self, key: str, queue: int, take: Callable[[str, bytes, str], None]) -> None:
         """Call `take(key, data, encoding)`, in a thread, for each sample of a full key."""
         self._client.subscribe(key, queue, take)

@@ -212,6 +212,7 @@ def _record(args: argparse.Namespace) -> int:
                 **noted(load_unchanged(manifest.file, manifest.digest, manifest.overrides)),
             },
             replace=args.force,
+            ask=watch.ask_behind,
         )
         end = record_live(watch, recorder, args.seconds, interrupted, _progress(recorder))
         return _say_recorded(recorder, end, failed=end == FULL)
@@ -233,7 +234,9 @@ def _say_recorded(recorder: Recorder, end: str, failed: bool) -> int:
         sys.stderr.write("\r\x1b[K")
     lost = recorder.lost_text()
     text = f"{recorder.sink.path}: {recorder.samples} samples, {_size(recorder)}, {end}"
-    print(f"{text}, {'lost ' + lost if lost else 'nothing lost'}")
+    count = recorder.filled.total()
+    filled = f" ({count} on the way, had from their senders)" if count else ""
+    print(f"{text}, {'lost ' + lost if lost else 'nothing lost'}{filled}")
     for key, why in recorder.refused.items():
         print(f"REFUSED {key}: {why}", file=sys.stderr)
     if recorder.sink.pending:

@@ -14,7 +14,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Annotated
 
@@ -22,12 +22,14 @@ from lodeline.bench.cable import Fault
 from lodeline.bench.machines import missing
 from lodeline.bench.pair import Ear, Heard, Pair
 from lodeline.bus import Client
+from lodeline.recording.read import Recording
+from lodeline.recording.summary import summarize
 from lodeline.tables import table
 
 EXIT_FAILED = 1
 SETTLE_S = 1.5
 RETURN_S = 8.0
-CUTS = (0.5, 1.0, 3.0, 5.0, 6.0, 13.0)  # s; the first two are over before anybody gives it up
+CUTS = (0.5, 1.0, 3.0, 5.0, 6.0, 15.0)  # s; the first two are over before anybody gives it up
 KEY, KIND = "rover/imu/data_raw", "Imu"
 
 
@@ -35,7 +37,8 @@ KEY, KIND = "rover/imu/data_raw", "Imu"
 class Row:
     """What a fault did. `back` is the time from its end to the first fresh sample on the laptop;
     `before` and `during` are what the robot's own listener heard; `zombies` are links that the
-    robot still believed in when it was over, beyond the one that is real.
+    robot still believed in when it was over, beyond the one that is real. `unrecorded` are samples
+    that a recorder on the laptop, which asked for what it missed, never got.
     """
 
     fault: str
@@ -44,6 +47,7 @@ class Row:
     before: Heard
     during: Heard
     zombies: int
+    unrecorded: int | None = None
 
 
 class Bench:
@@ -94,6 +98,15 @@ class Bench:
 
         return self.row(name, seconds, spoil(fault), spoil(Fault()), fault.cut)
 
+    def cut(self, seconds: float) -> Row:
+        """Pull the cable for a while, beside a recorder on the laptop."""
+        file = self.pair.folder / f"{time.monotonic_ns()}.mcap"
+        with self.pair.laptop.recorded(file):
+            row = self.cable(f"cut {seconds:g} s", seconds, Fault(cut=True))
+        with Recording(file) as recording:
+            keys = summarize(recording).keys.values()
+        return replace(row, unrecorded=sum(key.lost for key in keys))
+
     def stopped(self, seconds: float) -> Row:
         """Freeze the laptop's hub."""
         process = self.pair.laptop.process
@@ -139,12 +152,8 @@ class Bench:
             client.close()
 
 
-def _cut(bench: Bench, seconds: float) -> Row:
-    return bench.cable(f"cut {seconds:g} s", seconds, Fault(cut=True))
-
-
 FAULTS: dict[str, Callable[[Bench], Row]] = {
-    **{f"cut{seconds:g}": partial(_cut, seconds=seconds) for seconds in CUTS},
+    **{f"cut{seconds:g}": partial(Bench.cut, seconds=seconds) for seconds in CUTS},
     "loss": lambda bench: bench.cable("5 % loss", 8.0, Fault(delay=0.002, loss=0.05)),
     "jitter": lambda bench: bench.cable("20 +- 15 ms", 8.0, Fault(delay=0.020, jitter=0.015)),
     "both": lambda bench: bench.cable(
@@ -194,13 +203,24 @@ def parser() -> argparse.ArgumentParser:
 def shown(rows: list[Row]) -> str:
     """The rows for people."""
     headings = (
-        *("FAULT", "RECEIVED", "LOST", "AGE P50", "P99", "OLDEST", "BACK AFTER", "ZOMBIES"),
+        *(
+            "FAULT",
+            "RECEIVED",
+            "LOST",
+            "NOT RECORDED",
+            "AGE P50",
+            "P99",
+            "OLDEST",
+            "BACK AFTER",
+            "ZOMBIES",
+        ),
         *("ROBOT P99 BEFORE", "DURING", "ROBOT LOST"),
     )
     cells = [
         (
             row.fault,
             *(str(row.laptop.received), str(row.laptop.lost)),
+            "-" if row.unrecorded is None else str(row.unrecorded),
             *(_ms(row.laptop.p50), _ms(row.laptop.p99), _ms(row.laptop.oldest)),
             "-" if row.back is None else f"{row.back:.2f} s",
             str(row.zombies),

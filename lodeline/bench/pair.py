@@ -8,6 +8,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -22,6 +24,7 @@ from lodeline.run_folder import VARIABLE, running
 from lodeline_msgs import MESSAGES, unpack
 
 PATIENCE_S = 30.0
+RECORDS = 20_000  # bytes of a recording that is under way
 PIPELINE = """
 name: {name}
 hosts:
@@ -112,11 +115,13 @@ class Side:
         )
         self.start()
 
+    def _environment(self) -> dict[str, str]:
+        return os.environ | {VARIABLE: str(self.run), "NO_COLOR": "1"}
+
     def start(self) -> None:
         """Bring it up, and wait until it is. TimeoutError with its last words if it is not."""
         begin = self._log.seek(0, os.SEEK_END)
-        environment = os.environ | {VARIABLE: str(self.run), "NO_COLOR": "1"}
-        self.process = subprocess.Popen(self._command, env=environment, stderr=self._log)
+        self.process = subprocess.Popen(self._command, env=self._environment(), stderr=self._log)
         end = time.monotonic() + PATIENCE_S
         while "up in " not in (words := self.log(begin)):
             if time.monotonic() > end or self.process.poll() is not None:
@@ -132,6 +137,24 @@ class Side:
         """A tool's line to its hub."""
         (found,) = running(base=self.run)
         return Client(found.folder)
+
+    @contextmanager
+    def recorded(self, file: Path) -> Iterator[None]:
+        """Record all that comes, as its user would; the file is whole afterwards."""
+        words = (sys.executable, "-P", "-m", "lodeline", "bag", "record", "-o", str(file))
+        process = subprocess.Popen(
+            words, env=self._environment(), stdout=subprocess.PIPE, stderr=self._log
+        )
+        try:
+            end = time.monotonic() + PATIENCE_S
+            while not (file.exists() and file.stat().st_size > RECORDS):
+                if time.monotonic() > end or process.poll() is not None:
+                    raise TimeoutError(f"nothing is recorded:\n{self.log()}")
+                time.sleep(0.05)
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=PATIENCE_S)
 
     def sockets(self) -> int:
         """TCP connections that its machine believes in."""
@@ -161,7 +184,7 @@ class Pair:
     def __init__(self, secured: bool = False) -> None:
         self._temporary = tempfile.TemporaryDirectory(prefix="ll", ignore_cleanup_errors=True)
         self._sides: list[Side] = []
-        folder = Path(self._temporary.name)
+        self.folder = folder = Path(self._temporary.name)
         robot, laptop = self._machines = (Machine(), Machine())
         self.cable = Cable(robot, laptop)
         file, address = folder / "pipeline.yaml", self.cable.addresses[0]

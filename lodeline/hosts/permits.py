@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
+from lodeline.recent import recent_key
+
 if TYPE_CHECKING:  # every node imports the bus, and the bus this
     from lodeline.pipeline.model import Pipeline
 
@@ -27,6 +29,7 @@ def sends(pipeline: Pipeline, host: str) -> list[str]:
     specs = [spec for spec in pipeline.nodes if spec.host == host]
     keys = [key for spec in specs for key in spec.outputs.values()]
     keys += [f"{name}/status/{spec.name}" for spec in specs]
+    keys += [recent_key(key) for key in keys]
     # What an advanced publisher says beside its key, so that its last value can be had.
     keys += [f"{name}/status/{spec.name}/@adv/**" for spec in specs]
     keys += [f"{name}/{key}" for key in pipeline.hosts[host].grant]
@@ -38,7 +41,8 @@ def sends(pipeline: Pipeline, host: str) -> list[str]:
 def reads(pipeline: Pipeline) -> list[str]:
     """Key expressions that every host of the pipeline may ask for and be sent."""
     name = pipeline.name
-    return [f"{name}/**", f"{name}/*/*/@adv/**", *(f"{name}/{word}/**" for word in CONTROL)]
+    beside = [f"{name}/*/*/@adv/**", recent_key(f"{name}/**")]
+    return [f"{name}/**", *beside, *(f"{name}/{word}/**" for word in CONTROL)]
 
 
 def granted_orders(pipeline: Pipeline, host: str) -> list[str]:

@@ -14,6 +14,8 @@ from lodeline.recording.record import QUEUE, Recorder
 from lodeline.recording.write import FLUSH_S
 from lodeline.watch import PATIENCE_S, NothingThereError, Watch
 
+SETTLE_S = 3.0
+"""What is still asked for at the end is waited for so long."""
 INTERRUPTED, OVER, GONE, FULL = "interrupted", "time is over", "the pipeline ended", "disk full"
 
 
@@ -45,16 +47,25 @@ def record_live(
             recorder.tend()
             if recorder.room.news:
                 print(recorder.room.news, file=sys.stderr, flush=True)
+            _say_gaps(recorder)
             elapsed = time.monotonic() - begun
             progress(elapsed)
             if patient and elapsed > PATIENCE_S and not recorder.samples:
                 print(f"waiting for a sample of {', '.join(flows)}", file=sys.stderr, flush=True)
                 patient = False
+        if recorder.gaps is not None and end != FULL:
+            recorder.gaps.settle(SETTLE_S)
     except NothingThereError:
         pass  # what it sent is in the file
     finally:
         recorder.close(end)
+    _say_gaps(recorder)
     return end
+
+
+def _say_gaps(recorder: Recorder) -> None:
+    for line in recorder.gaps.news() if recorder.gaps is not None else ():
+        print(line, file=sys.stderr, flush=True)
 
 
 class Interrupted(threading.Event):

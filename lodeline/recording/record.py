@@ -1,8 +1,9 @@
 """Recording a running pipeline: every sample that comes, as it came, until told to stop.
 
 The rings of the bus hold what comes while the disk makes us wait, so nothing is lost on one
-host; what is lost on the way all the same shows in the numbers of the samples, and is counted,
-told, and noted in the file. A kill costs the last half second, a power cut the last second.
+host; what is lost on the way all the same shows in the numbers of the samples, and is asked for.
+What cannot be had is counted, told, and noted in the file. A kill costs the last half second, a
+power cut the last second.
 """
 
 from __future__ import annotations
@@ -10,17 +11,19 @@ from __future__ import annotations
 import re
 import threading
 import time
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO, cast
 
 from lodeline.clock import HostClock, epoch_offset
 from lodeline.recording import RecordingError
+from lodeline.recording.gaps import Ask, Gap, Gaps, counted
 from lodeline.recording.room import Room
 from lodeline.recording.sink import Sink
 from lodeline.recording.summary import KeySummary
 from lodeline.recording.write import RecordingWriter
-from lodeline_msgs import DecodeError, Message, class_of, unpack
+from lodeline_msgs import MESSAGES, DecodeError, Message, class_of, unpack
 
 QUEUE = 1 << 16
 """Samples that may wait while the disk does not take any: a minute of the default pipeline."""
@@ -40,6 +43,7 @@ class Recorder:
 
     `take` is called by the threads of the bus; `tend` by the thread that owns the recorder, twice
     a second, and `close` at the end. `stopped` is set when the disk takes no more, or shall not.
+    `ask` is how to ask senders for what got lost.
     """
 
     def __init__(
@@ -50,6 +54,7 @@ class Recorder:
         metadata: Mapping[str, str],
         *,
         replace: bool = False,
+        ask: Ask | None = None,
     ) -> None:
         self.flows = {key: KeySummary(cls) for key, cls in types.items()}
         self.refused: dict[str, str] = {}
@@ -60,6 +65,11 @@ class Recorder:
         self._clock = HostClock(epoch_offset())
         self._writer = RecordingWriter(cast(BinaryIO, self.sink), metadata)
         self._lock = threading.Lock()
+        self.filled: Counter[str] = Counter()
+        self._newest: dict[str, tuple[int, int]] = {}
+        self.gaps = None if ask is None else Gaps(ask, self._fill, self._prefix)
+        if self.gaps is not None:
+            self.gaps.start()
         self._syncer = threading.Thread(target=self._sync, name="sync", daemon=True)
         self._syncer.start()
 
@@ -77,10 +87,31 @@ class Recorder:
                     self._writer.write_packed(
                         short, type(message), data, message.stamp, message.seq, log_time=now
                     )
-                    flow.count(message.stamp, message.seq)
+                    first, here = flow.next_seq, (message.stamp, now)
+                    before, self._newest[short] = self._newest.get(short, here), here
+                    if flow.count(message.stamp, message.seq) and self.gaps is not None:
+                        self.gaps.find(Gap(short, first, message.seq - 1, before, here))
         except (DecodeError, RecordingError) as error:
             self.refused[short] = str(error)
         self._look()
+
+    def _fill(self, gap: Gap, data: bytes) -> int | None:
+        """Append a sample that got lost where it belongs; its number, None if it does not."""
+        flow = self.flows[gap.key]
+        try:
+            message = unpack(data, MESSAGES[flow.type_name])
+        except DecodeError:
+            return None
+        when = gap.place(message.stamp, message.seq)
+        with self._lock:
+            if when is None or self.stopped.is_set():
+                return None
+            self._writer.write_packed(
+                gap.key, type(message), data, message.stamp, message.seq, log_time=when
+            )
+            flow.samples, flow.lost = flow.samples + 1, flow.lost - 1
+            self.filled[gap.key] += 1
+        return message.seq
 
     def _checked(self, data: bytes, encoding: str, wanted: str) -> Message:
         cls = class_of(encoding)
@@ -112,8 +143,11 @@ class Recorder:
         """Write why it ended and what was lost, the index and the footer."""
         self.stopped.set()
         self._syncer.join()
+        if self.gaps is not None:
+            self.gaps.close()
+        filled = {"filled": counted(self.filled)} if self.filled else {}
         with self._lock:
-            self._writer.note({"end": end, "lost": self.lost_text() or "nothing"})
+            self._writer.note({"end": end, "lost": self.lost_text() or "nothing", **filled})
             self._writer.close()
             self.sink.close()
 
@@ -129,4 +163,4 @@ class Recorder:
 
     def lost_text(self) -> str:
         """The same in words: `12 of imu/data, 3 of pose`."""
-        return ", ".join(f"{count} of {key}" for key, count in self.lost.items())
+        return counted(self.lost)

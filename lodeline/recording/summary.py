@@ -20,13 +20,17 @@ class KeySummary:
     last: int = 0
     next_seq: int = -1
 
-    def count(self, stamp: int, seq: int) -> None:
-        """Note a message; numbers that go back are those of a sender that started anew."""
+    def count(self, stamp: int, seq: int) -> int:
+        """Note a message; how many numbers are missing before it.
+
+        Numbers that go back are those of a sender that started anew.
+        """
+        missing = max(0, seq - self.next_seq) if self.next_seq >= 0 else 0
         self.first = min(self.first, stamp) if self.samples else stamp
         self.last = max(self.last, stamp)
-        if seq > self.next_seq >= 0:
-            self.lost += seq - self.next_seq
+        self.lost += missing
         self.samples, self.next_seq = self.samples + 1, seq + 1
+        return missing
 
     @property
     def rate(self) -> float:

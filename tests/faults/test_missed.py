@@ -16,8 +16,9 @@ from lodeline.clock import RecordingClock
 from lodeline.inlet import Inlet
 from lodeline.keepsake import Keepsake
 from lodeline.loading import load_node
-from lodeline.missed import RECENT, Missed, Recent, recent_key
+from lodeline.missed import Missed
 from lodeline.node import Context
+from lodeline.recent import NEWEST, Recent, recent_key
 from lodeline.recording.read import Recording
 from lodeline_msgs import AttitudeEstimate, Imu, MagneticField, Message, pack
 from tests.support.live import ROOT
@@ -79,6 +80,10 @@ def ignore(_muted: bool) -> None:
     """Nothing is sent here."""
 
 
+def keep(recent: Recent, message: Message) -> None:
+    recent.keep(message, pack(message))
+
+
 def answers(senders: Mapping[str, Recent], key: str) -> list[tuple[str, bytes]]:
     return [(key, recent.answer()) for name, recent in senders.items() if recent_key(name) == key]
 
@@ -91,12 +96,12 @@ def test_a_killed_attitude_says_afterwards_what_it_would_have_said(
     senders = {key: Recent("sensors") for key in CLASSES}
     first = Life(tmp_path, method)
     for place, (key, message) in enumerate(samples[:KILLED]):
-        senders[key].tap(message)
+        keep(senders[key], message)
         first.take(key, message)
         if place == KILLED - 60:
             first.store()  # what came after it is not in the state on file
     for key, message in samples[KILLED:BACK]:
-        senders[key].tap(message)
+        keep(senders[key], message)
     second = Life(tmp_path, method)
     marks = second.keepsake.restore()
     assert marks is not None
@@ -105,7 +110,7 @@ def test_a_killed_attitude_says_afterwards_what_it_would_have_said(
         missed.hold(inlet, marks[key])
     assert not missed.due()
     for key, message in samples[BACK : BACK + 20]:  # these come live before the answer
-        senders[key].tap(message)
+        keep(senders[key], message)
         second.take(key, message)
     assert missed.due()
     assert not second.said
@@ -153,9 +158,9 @@ def test_an_answer_that_is_no_answer_costs_nothing_but_a_line(
 
 def test_a_sender_keeps_its_newest_samples_and_no_more() -> None:
     recent = Recent("me")
-    for seq in range(RECENT + 100):
-        recent.tap(MagneticField(seq, (0.0, 0.0, 0.0), seq=seq))
-    assert len(recent.answer()) < RECENT * 80
+    for seq in range(NEWEST + 100):
+        keep(recent, MagneticField(seq, (0.0, 0.0, 0.0), seq=seq))
+    assert len(recent.answer()) < NEWEST * 80
     held = Inlet("mag", MagneticField, None, RecordingClock(), print, lambda sample: None)
     missed = Missed()
     missed.hold(held, 400)
@@ -166,7 +171,7 @@ def test_a_question_that_gets_lost_is_put_again_and_not_waited_for() -> None:
     recent = Recent("me")
     patience: list[float] = []
     for seq in range(30):
-        recent.tap(MagneticField(seq, (0.0, 0.0, 0.0), seq=seq))
+        keep(recent, MagneticField(seq, (0.0, 0.0, 0.0), seq=seq))
 
     def ask(_key: str, seconds: float) -> list[tuple[str, bytes]]:
         patience.append(seconds)

@@ -27,6 +27,7 @@ from lodeline.intake import Edge, Intake
 from lodeline.node import Input, Node, Output
 from lodeline.odometry import Odometry as Wheels
 from lodeline.odometry import OdometryParams
+from lodeline.recent import Recent
 from lodeline.rotation import IDENTITY
 from lodeline.status import Outlet
 from lodeline_msgs import Odometry, pack, packer_of, unpacker_of
@@ -93,7 +94,7 @@ def hop(watched: bool) -> Callable[[int], object]:
     node, sent, clock = Pass(OdometryParams()), Sent(), HostClock(epoch_offset())
     sent.watched = watched
     graph = Graph({"pass": node}, {"pass": {"odom": "in"}}, {"pass": {"out": "out"}})
-    graph.tap("out", Outlet(sent))  # type: ignore[arg-type]
+    graph.tap("out", Outlet(sent, Recent("pass")))  # type: ignore[arg-type]
     inlet = Inlet("in", Odometry, 100.0, clock, node.context.reject, graph.ports["pass", "odom"])
     way = Intake(threading.RLock())
     edge = Edge(way, inlet, 1)
