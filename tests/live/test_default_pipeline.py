@@ -148,10 +148,18 @@ def test_a_killed_node_is_back_within_two_seconds(up: Up, listener: Listener, no
     assert all(after[other]["pid"] == before[other]["pid"] for other in NODES if other != node)
 
 
-def test_after_all_these_kills_the_pose_is_still_true(up: Up, listener: Listener) -> None:
+def test_after_all_these_kills_the_pose_is_still_true_or_says_since_when_it_may_not_be(
+    up: Up, listener: Listener
+) -> None:
+    """Encoders that were away for more than half a turn, on a busy machine, have left a gap that
+    nobody measured.
+    """
     seen = listener.count("rover/pose")
     assert eventually(lambda: listener.count("rover/pose") > seen + 300, 15.0)
-    assert rms_error(listener.poses[-300:], listener.truths) < 0.015
+    poses = listener.poses[-300:]
+    odom = up.call("topic", "echo", "odom", "-n", "1", "--json", "--timeout", "10").stdout
+    announced = json.loads(odom)["resets"] > 0 and all(pose.ambiguous for pose in poses)
+    assert announced or rms_error(poses, listener.truths) < 0.015
 
 
 def test_ctrl_c_stops_all_in_order_with_130() -> None:
