@@ -13,7 +13,9 @@ LIVE = ("dash", "live", "tools")
 """Folders whose tests start pipelines, and have deadlines."""
 
 PAIRED = ("calibrate_verb", "faults", "hosts", "packaging", "supervisor")
-"""Folders whose tests start pipelines and wait more than they work."""
+"""Folders whose tests start pipelines and wait more than they work; so do tests of others that
+have a pipeline `up`.
+"""
 
 
 @pytest.hookimpl(tryfirst=True)  # before `-m` chooses
@@ -23,7 +25,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         folder = item.path.relative_to(TESTS.parent).parts[1]
         if folder in LIVE and item.get_closest_marker("paired") is None:
             item.add_marker("live")
-        elif folder in PAIRED and item.get_closest_marker("live") is None:
+        elif item.get_closest_marker("live") is None and (
+            folder in PAIRED or "up" in getattr(item, "fixturenames", ())
+        ):
             item.add_marker("paired")
 
 

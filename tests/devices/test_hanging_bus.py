@@ -51,6 +51,7 @@ def all_are(up: Up, fine: Callable[[dict[str, Any]], bool]) -> bool:
     return all(fine(found[node]) for node in ("imu", "encoders", "magnet_bar"))
 
 
+@pytest.mark.paired
 def test_drivers_outlive_a_bus_that_hangs_for_longer_than_a_watchdog_waits(
     up: tuple[Up, Path],
 ) -> None:

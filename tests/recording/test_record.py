@@ -312,6 +312,7 @@ def listener(up: Up) -> Iterator[Listener]:
     heard.close()
 
 
+@pytest.mark.live
 def test_a_kill_costs_at_most_the_last_six_tenths_of_a_second(
     up: Up, listener: Listener, tmp_path: Path
 ) -> None:
@@ -329,6 +330,7 @@ def test_a_kill_costs_at_most_the_last_six_tenths_of_a_second(
         assert killed - listener.when(found[-1]) <= 0.6
 
 
+@pytest.mark.live
 def test_a_power_cut_costs_at_most_the_last_1_2_seconds(
     up: Up, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -410,6 +412,7 @@ def test_a_live_recorder_on_a_full_disk_says_so_and_leaves_a_readable_file(
     }
 
 
+@pytest.mark.live
 def test_a_thousand_samples_a_second_are_recorded_without_a_gap(tmp_path: Path) -> None:
     node = tmp_path / "fast.py"
     node.write_text(FAST)

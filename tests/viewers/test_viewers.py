@@ -8,7 +8,7 @@ import signal
 import struct
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -124,8 +124,12 @@ class Foxglove:
         self.channels: dict[int, dict[str, Any]] = {}
         self.got: dict[str, list[tuple[int, bytes]]] = {}
 
-    def listen(self, enough: dict[str, int], seconds: float = 30.0) -> None:
-        """Subscribe to all that is offered until so many messages of some topics came."""
+    def listen(
+        self, enough: dict[str, int], scene: Collection[bytes], seconds: float = 30.0
+    ) -> None:
+        """Subscribe to all that is offered until so many messages of some topics came, and all
+        these entities of the scene.
+        """
 
         def step() -> bool:
             said = self.socket.recv(timeout=seconds)
@@ -136,7 +140,7 @@ class Foxglove:
                 if words["op"] == "advertise":
                     self._subscribe(words["channels"])
             lacking = [t for t, count in enough.items() if len(self.got.get(t, ())) < count]
-            return not lacking
+            return not lacking and all(name in self.all("/scene") for name in scene)
 
         assert eventually(step, seconds, 0.0), {topic: len(got) for topic, got in self.got.items()}
 
@@ -150,6 +154,9 @@ class Foxglove:
             number, stamp = struct.unpack("<IQ", said[1:13])
             self.got.setdefault(self.channels[number]["topic"], []).append((stamp, said[13:]))
 
+    def all(self, topic: str) -> bytes:
+        return b"".join(data for _, data in self.got.get(topic, ()))
+
     def close(self) -> None:
         self._connecting.__exit__(None, None, None)
 
@@ -161,7 +168,8 @@ def test_foxglove_shows_what_zenoh_carried(up: Up, ear: Ear) -> None:
     url = process.stdout.readline().strip()
     assert re.fullmatch(r"ws://127\.0\.0\.1:\d+", url), url
     client = Foxglove(url)
-    client.listen({"/pose": 60, "/odom": 60, "/attitude": 60, "/tf": 20, "/scene": 10})
+    drawn = (b"trail/pose", b"ellipse/pose", b"magnets", b"robot", b"hits")
+    client.listen({"/pose": 60, "/odom": 60, "/attitude": 60, "/tf": 20, "/scene": 10}, drawn)
     taken = dash(up, "--foxglove", "--port", url.rpartition(":")[2])
     _, err = taken.communicate(timeout=30.0)
     assert (taken.returncode, "cannot serve on port" in err) == (1, True), err
@@ -189,12 +197,9 @@ def test_foxglove_shows_what_zenoh_carried(up: Up, ear: Ear) -> None:
         said = json.loads(data)
         angles = (said["roll"], said["pitch"], said["yaw"])
         assert angles == pytest.approx(to_euler(sample.orientation), abs=1e-12)
-    frames = b"".join(data for _, data in client.got["/tf"])
+    frames = client.all("/tf")
     assert b"base_link" in frames
     assert b"attitude" in frames
-    entities = b"".join(data for _, data in client.got["/scene"])
-    for name in (b"trail/pose", b"ellipse/pose", b"magnets", b"robot", b"hits"):
-        assert name in entities, name
 
 
 @pytest.mark.parametrize(("option", "module"), [("--rerun", "rerun"), ("--foxglove", "foxglove")])
