@@ -2,7 +2,9 @@
 
 `detected` is the time to the line on the log or to the node's status, `recovered` the time from the
 end of the fault to when the key flows again, `lost` the samples missing on that key by its rate.
-Exit codes: 0 every fault was seen and got over, 1 one was not, 2 usage.
+With --times each node is killed (-9) so often instead: how soon that is on the log, and how soon
+all its keys have samples again. Exit codes: 0 every fault was seen and got over, 1 one was not,
+2 usage.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from lodeline.bench import kills
 from lodeline.bench.rig import Rig
 from lodeline.bench.unruly import PIPELINE
 from lodeline.supervisor.guard import kill_marked
@@ -55,6 +58,8 @@ class Row:
 def main(argv: list[str]) -> int:
     """Run `lodeline bench faults`; the exit code."""
     arguments = parser().parse_args(argv)
+    if arguments.times:
+        return many_kills(arguments.file, arguments.times)
     with Rig(arguments.file) as rig:
         rig.until(lambda: rig.count("pose") > 200, PATIENCE_S)
         rig.statuses()
@@ -68,7 +73,7 @@ def main(argv: list[str]) -> int:
         for row in rows
     ]
     print(table(headings, cells, right=headings[1:4]))
-    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
+    _print_load()
     return 1 if any(None in (row.detected, row.recovered) for row in rows) else 0
 
 
@@ -80,7 +85,22 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("file", nargs="?", default="pipeline.yaml", help="the default pipeline")
+    parser.add_argument("--times", type=int, default=0, metavar="N", help="kill each node N times")
     return parser
+
+
+def many_kills(file: str, times: int) -> int:
+    """Kill each node so many times; the exit code."""
+    with Rig(file) as rig:
+        rig.until(lambda: rig.count("pose") > 200, PATIENCE_S)
+        found = kills.kill_all(rig, times)
+    print(kills.report(found, times))
+    _print_load()
+    return 0 if kills.all_held(found, times) else 1
+
+
+def _print_load() -> None:
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
 
 
 def run(rig: Rig, case: Case) -> Row:

@@ -66,10 +66,11 @@ def fused(delta: Delta, noise: Noise, turn: Turn) -> tuple[Delta, Noise]:
         return delta, noise
     k_s, k_t = st / total, tt / total
     off = angle - wheels
-    half = 0.5 * (wheels + k_t * off)
-    way = math.copysign(math.hypot(ahead, left), ahead) + k_s * off
+    turned = 0.5 * k_t * off
+    ahead += k_s * off
+    c, s = math.cos(turned), math.sin(turned)
     return (
-        # the chord of an arc points half-way through its turn
-        Delta(way * math.cos(half), way * math.sin(half), 2.0 * half),
+        # a turn that is more by so much turns the way, however it went, by half of that
+        Delta(c * ahead - s * left, s * ahead + c * left, wheels + k_t * off),
         Noise(max(0.0, ss - k_s * st), st - k_s * tt, tt - k_t * tt, position, heading),
     )

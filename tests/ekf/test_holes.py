@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -82,19 +82,27 @@ class Score(NamedTuple):
     beyond_three_sigma: float
 
 
-def scored(
-    pipeline: Pipeline, samples: list[Sample], folder: Path, attitude: str = "attitude"
-) -> Score:
-    """The default estimators over these samples; without `attitude` the ekf has no gyro."""
-    specs = [spec for spec in pipeline.nodes if spec.name in ESTIMATORS]
+def graph_of(
+    pipeline: Pipeline, names: tuple[str, ...], folder: Path, attitude: str = "attitude"
+) -> Graph:
+    """Some nodes of the pipeline, wired; `attitude` is what the EKF reads as such."""
+    specs = [spec for spec in pipeline.nodes if spec.name in names]
     inputs = {spec.name: {port: edge.key for port, edge in spec.inputs.items()} for spec in specs}
-    inputs["ekf"]["attitude"] = f"rover/{attitude}"
-    graph = Graph(
+    if "ekf" in inputs:
+        inputs["ekf"]["attitude"] = f"rover/{attitude}"
+    return Graph(
         {spec.name: spec.type(spec.params, Context(spec.name, folder)) for spec in specs},
         inputs,
         {spec.name: spec.outputs for spec in specs},
         _fail,
     )
+
+
+def scored(
+    pipeline: Pipeline, samples: list[Sample], folder: Path, attitude: str = "attitude"
+) -> Score:
+    """The default estimators over these samples; without `attitude` the ekf has no gyro."""
+    graph = graph_of(pipeline, ESTIMATORS, folder, attitude)
     poses: list[Message] = []
     graph.tap("rover/pose", poses.append)
     truth = [message for _, message in samples if isinstance(message, Odometry)]
@@ -108,7 +116,7 @@ def _fail(name: str, message: Message, error: Exception) -> None:
     raise AssertionError(f"{name} could not take {message}") from error
 
 
-def _score(poses: list[Message], truth: list[Odometry]) -> Score:
+def _score(poses: Sequence[Message], truth: list[Odometry]) -> Score:
     stamps = [each.stamp for each in truth]
     count = 0
     sums = [0.0] * 5
@@ -171,3 +179,51 @@ def test_whatever_is_lost_no_pose_is_sure_and_wrong_and_the_gyro_never_harms(
     assert gyro.heading <= wheels.heading
     assert gyro.position <= 1.1 * wheels.position
     assert gyro.ambiguous <= wheels.ambiguous
+
+
+@pytest.fixture(scope="module")
+def estimates(
+    pipeline: Pipeline, recording: list[Sample], tmp_path_factory: pytest.TempPathFactory
+) -> list[Sample]:
+    """What the EKF gets, and the truth."""
+    folder, samples = tmp_path_factory.mktemp("run"), list[Sample]()
+    graph = graph_of(pipeline, ("attitude", "odometry", "magnets"), folder)
+    for key in graph.sent:
+        graph.tap(key, partial(lambda key, message: samples.append((key, message)), key))
+    for key, message in recording:
+        if key == "rover/truth":
+            samples.append((key, message))
+        graph.deliver(key, message)
+    return samples
+
+
+@pytest.mark.parametrize("gap", [0.5, 2.6, 6.0])
+def test_a_restored_ekf_that_gets_nothing_of_what_it_missed_is_less_sure_and_holds_the_truth(
+    gap: float, estimates: list[Sample], pipeline: Pipeline, tmp_path: Path
+) -> None:
+    """As after a kill whose gap is longer than what senders keep, or that nobody answers for."""
+    truth = [m for key, m in estimates if key == "rover/truth" and isinstance(m, Odometry)]
+    for killed in (4.0, 9.3, 14.1):
+        begin, end = (truth[0].stamp + round(at * NANO) for at in (killed, killed + gap))
+        lives = [graph_of(pipeline, ("ekf",), tmp_path) for _ in range(2)]
+        said: tuple[list[PoseEstimate], ...] = ([], [])
+        for life, poses in zip(lives, said, strict=True):
+            life.tap("rover/pose", poses.append)
+        node, successor = (life.nodes["ekf"] for life in lives)
+        for key, message in estimates:
+            if key != "rover/truth" and message.stamp < begin:
+                lives[0].deliver(key, message)
+                if message.stamp < begin - 200_000_000:  # a state is that old at most
+                    saved = node.save()
+        successor.resume(saved)
+        for key, message in estimates:
+            if key != "rover/truth" and message.stamp >= end:
+                lives[1].deliver(key, message)
+        before, after = said[0][-1], said[1][0]
+        for place in (0, 4, 8):
+            assert after.covariance[place] > before.covariance[place]
+        score = _score(said[1], truth)
+        print(f"{gap} s from {killed} s on: {1e3 * score.position:.1f} mm, {score.ambiguous:.1%}")
+        assert score.sure_and_wrong == 0.0
+        assert score.beyond_three_sigma <= 0.01
+        assert score.position < 0.005
