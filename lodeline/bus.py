@@ -8,6 +8,7 @@ Multicast scouting is off everywhere: with it on, a robot takes samples from str
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import json
 import os
 import threading
@@ -133,7 +134,14 @@ class Session:
 
         So `take` returns soon and waits for nothing. A flood is not thinned out before it comes.
         """
-        handler = zenoh.handlers.Callback(_with_source(take), indirect=False)
+        taker = _with_source(take)
+
+        def run(sample: zenoh.Sample) -> None:
+            if not _THREAD.known:
+                _THREAD.settle()
+            taker(sample)
+
+        handler = zenoh.handlers.Callback(run, indirect=False)
         self._kept.append(self._session.declare_subscriber(key, handler))
 
     def subscribe_kept(self, key: str, take: Callable[[str, bytes, str], None]) -> None:
@@ -402,6 +410,24 @@ _COMMON: dict[str, Any] = {
     "listen/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
     "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5},
 }
+
+
+class _Thread(threading.local):
+    """What is known of the thread that asks."""
+
+    known = False
+
+    def settle(self) -> None:
+        """Have the interpreter keep its account of this thread, which is zenoh's, for good.
+
+        Else it opens one for each sample and closes it again, with memory mapped, touched and
+        given back: half the CPU of a callback (measured at 1000 Hz: 26 us in place of 53).
+        """
+        self.known = True
+        ctypes.pythonapi.PyGILState_Ensure()  # and no release
+
+
+_THREAD = _Thread()
 
 
 def _unix(path: Path) -> str:
