@@ -45,8 +45,8 @@ class AttitudeNode(Node[AttitudeNodeParams]):
     """Starts at once from gravity and north; after a crash, from where its predecessor stood."""
 
     State = AttitudeNodeState
-    data = Input(Imu, queue=32, max_age=0.25)
-    mag = Input(MagneticField, queue=4, max_age=0.25)
+    data = Input(Imu, queue=256, max_age=0.25)
+    mag = Input(MagneticField, queue=32, max_age=0.25)
     attitude = Output(AttitudeEstimate)
 
     def setup(self) -> None:

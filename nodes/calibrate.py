@@ -26,8 +26,8 @@ class CalibrateParams(ImuCalibration):
 class Calibrate(Node[CalibrateParams]):
     """Takes out offsets, scale errors, hard and soft iron; turns chip axes into body axes."""
 
-    data_raw = Input(Imu, queue=32, max_age=0.25)
-    mag_raw = Input(MagneticField, queue=4, max_age=0.25)
+    data_raw = Input(Imu, queue=256, max_age=0.25)
+    mag_raw = Input(MagneticField, queue=32, max_age=0.25)
     data = Output(Imu)
     mag = Output(MagneticField)
 

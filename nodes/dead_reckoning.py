@@ -22,7 +22,7 @@ class DeadReckoningNode(Node[DeadReckoningParams]):
     """`data` in, `odom` out, one for one; the robot must rest when it starts."""
 
     State = NodeState
-    data = Input(Imu, queue=64, max_age=0.5)
+    data = Input(Imu, queue=256, max_age=0.5)
     odom = Output(Odometry)
 
     def setup(self) -> None:

@@ -22,11 +22,11 @@ class EkfNode(Node[LocalizerParams]):
     """
 
     State = LocalizerState
-    odom = Input(Odometry, queue=64, max_age=0.5)
-    magnets = Input(MagnetDetection, queue=64, max_age=0.5)
-    attitude = Input(AttitudeEstimate, queue=64, max_age=0.5)
-    landmarks = Input(LandmarkDetection, queue=64, max_age=0.5)
-    position = Input(PositionFix, queue=64, max_age=0.5)
+    odom = Input(Odometry, queue=256, max_age=0.5)
+    magnets = Input(MagnetDetection, queue=256, max_age=0.5)
+    attitude = Input(AttitudeEstimate, queue=256, max_age=0.5)
+    landmarks = Input(LandmarkDetection, queue=256, max_age=0.5)
+    position = Input(PositionFix, queue=256, max_age=0.5)
     pose = Output(PoseEstimate)
 
     def setup(self) -> None:

@@ -11,7 +11,7 @@ from lodeline_msgs import MagnetDetection, ReedBar
 class MagnetsNode(Node[ReedBarParams]):
     """`reeds` in, `magnets` out, one for one: that no magnet is there is worth knowing too."""
 
-    reeds = Input(ReedBar, queue=64, max_age=0.5)
+    reeds = Input(ReedBar, queue=256, max_age=0.5)
     magnets = Output(MagnetDetection)
 
     def setup(self) -> None:

@@ -15,7 +15,7 @@ class OdometryNode(Node[OdometryParams]):
     """`wheels` in, `odom` out, one for one."""
 
     State = OdometryState
-    wheels = Input(WheelTicks, queue=64, max_age=0.5)
+    wheels = Input(WheelTicks, queue=256, max_age=0.5)
     odom = Output(Odometry)
 
     def setup(self) -> None:
