@@ -120,7 +120,7 @@ def _node_launch(pipeline: Pipeline, spec: NodeSpec) -> NodeLaunch:
     return NodeLaunch(
         name=spec.name,
         run=str(spec.run),
-        params=asdict(spec.params),
+        params=spec.values,
         inputs=spec.inputs,
         outputs=spec.outputs,
         awaited=awaited,

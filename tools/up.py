@@ -11,7 +11,6 @@ or none is left, 130 interrupted.
 from __future__ import annotations
 
 import argparse
-import asyncio
 import json
 import os
 import sys
@@ -36,10 +35,13 @@ def main(argv: list[str]) -> int:
     """Run `lodeline up`; the exit code."""
     began = time.monotonic()
     arguments = parser().parse_args(argv)
-    from lodeline.pipeline.load import PipelineError, find, load
+    from lodeline.pipeline.elsewhere import Reading
+    from lodeline.pipeline.faults import PipelineError
 
+    reading = Reading(arguments.file, arguments.set)
+    _get_ready()
     try:
-        pipeline = load(find(arguments.file), arguments.set)
+        pipeline = reading.pipeline()
     except PipelineError as error:
         print(error, file=sys.stderr)
         return EXIT_INVALID
@@ -60,6 +62,20 @@ def main(argv: list[str]) -> int:
     except (RunFolderError, BusError, LinkError, KeysError) as error:
         print(error, file=sys.stderr)
         return EXIT_FAILED
+
+
+def _get_ready() -> None:
+    """Import what a supervisor needs, while its pipeline is being read."""
+    # asyncio goes without ssl where it finds none: 3 MB that nothing here has any use for.
+    unwanted = {"ssl": None} if "ssl" not in sys.modules else {}
+    sys.modules.update(unwanted)  # type: ignore[arg-type]
+    import lodeline.supervisor.supervisor
+
+    for name in unwanted:
+        del sys.modules[name]
+    import lodeline.bus
+    import lodeline.hosts.neighbours
+    import lodeline.supervisor.log_files  # noqa: F401
 
 
 def parser() -> argparse.ArgumentParser:
@@ -90,6 +106,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: float) -> int:
     """Run the share of a host, linked with the others, or all hosts by this machine alone."""
+    import asyncio
     from contextlib import nullcontext
 
     from lodeline.bus import Gateway, Hub, overhear_links, several_threads

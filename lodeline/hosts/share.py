@@ -79,7 +79,7 @@ def share_of(pipeline: Pipeline, hosts: Sequence[str], word: str, listen: str = 
         nodes=tuple(spec.name for spec in specs),
         classes={key: cls.__name__ for key, cls in types.items()},
         forms={name: _form(name) for name in sorted({cls.__name__ for cls in types.values()})},
-        params={spec.name: asdict(spec.params) for spec in specs},
+        params={spec.name: spec.values for spec in specs},
     )
 
 

@@ -149,6 +149,8 @@ def _spec(name: str, node: DraftNode, file: Path, cls: type[Node[Any]], params: 
         params=params,
         inputs={wire.port: _edge(name, wire, ports[wire.port]) for wire in node.inputs},
         outputs={wire.port: f"{name}/{wire.key}" for wire in node.outputs},
+        values=asdict(params),
+        sends={wire.port: cls.outputs()[wire.port].message for wire in node.outputs},
         rates=node.rates,
         restart=node.restart or ("always" if issubclass(cls, Driver) else "limited"),
         restart_on_silence=node.restart_on_silence,
@@ -200,7 +202,7 @@ def _digest(draft: Draft, nodes: Sequence[NodeSpec]) -> str:
                 "program": hashlib.sha256(spec.run.read_bytes()).hexdigest(),
                 "host": spec.host,
                 "process": spec.process,
-                "params": asdict(spec.params),
+                "params": spec.values,
                 "inputs": {
                     port: (edge.key, edge.queue, edge.max_age) for port, edge in spec.inputs.items()
                 },

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -35,6 +35,7 @@ class NodeSpec:
     """One node of a pipeline.
 
     `process` is the name of the process it shares with others, its own name if it is alone;
+    `values` are its `params` as plain values, `sends` the message class of each output port,
     `rates` the expected rate [Hz] of an output port; `restart` what happens when it dies: for
     ever `always`, `limited` to 5 times a minute, or `never`; `required` stops all when it failed.
     With `restart_on_silence` it also dies when it sent nothing for 5 s on an output with a rate;
@@ -45,6 +46,8 @@ class NodeSpec:
     run: Path
     host: str
     process: str
+    values: dict[str, Any]
+    sends: dict[str, type[Message]]
     type: type[Node[Any]]
     params: Any
     inputs: dict[str, Edge]
@@ -98,9 +101,13 @@ class Pipeline:
         """Message class of every key, external ones first, then in the order of data flow."""
         types = dict(self.external)
         for spec in self.nodes:
-            ports = spec.type.outputs()
-            types |= {key: ports[port].message for port, key in spec.outputs.items()}
+            types |= {key: spec.sends[port] for port, key in spec.outputs.items()}
         return types
+
+    def without_programs(self) -> Pipeline:
+        """The same for who starts the nodes and never is one: no `type` and no `params` of any."""
+        nodes = [replace(spec, type=Node, params=None) for spec in self.nodes]
+        return replace(self, nodes=tuple(nodes))
 
     def processes(self, host: str) -> dict[str, list[NodeSpec]]:
         """Nodes of a host by the process they share."""

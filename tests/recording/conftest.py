@@ -78,6 +78,8 @@ def make_spec() -> SpecMaker:
             params=kind.params_type()(),
             inputs={port: Edge(f"robot/{key}", 64, 0.5) for port, key in inputs.items()},
             outputs={port: f"robot/{key}" for port, key in outputs.items()},
+            values={},
+            sends={port: kind.outputs()[port].message for port in outputs},
             rates={},
             restart="limited",
             required=False,
