@@ -7,8 +7,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
-import gc
 import json
 import os
 import sys
@@ -28,6 +26,7 @@ from lodeline.intake import Edge, Intake
 from lodeline.keepsake import Keepsake
 from lodeline.launch import VARIABLE, Launch, NodeLaunch
 from lodeline.loading import load_node
+from lodeline.memory import settle
 from lodeline.missed import Missed
 from lodeline.node import Context, Driver, Node
 from lodeline.notify import Notifier
@@ -264,14 +263,6 @@ def _make_node(item: NodeLaunch, kind: type[Node[Any]], folder: Path) -> Node[An
         sys.exit(code)
 
 
-def _settle() -> None:
-    """What is there now stays: never look through it again; what the start needed is given back."""
-    gc.collect()
-    gc.freeze()
-    with contextlib.suppress(AttributeError):  # another libc than glibc
-        ctypes.CDLL(None).malloc_trim(0)
-
-
 def main(types: Mapping[str, type[Node[Any]]] | None = None) -> None:
     """Be the process that LODELINE_LAUNCH describes, and exit."""
     text = os.environ.get(VARIABLE)
@@ -283,7 +274,7 @@ def main(types: Mapping[str, type[Node[Any]]] | None = None) -> None:
     process = NodeProcess(
         launch, types or {item.name: load_node(Path(item.run)) for item in launch.nodes}
     )
-    _settle()
+    settle()
     code = process.run()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -66,6 +66,9 @@ def main(argv: list[str]) -> int:
 
 def _get_ready() -> None:
     """Import what a supervisor needs, while its pipeline is being read."""
+    from lodeline.memory import share_one_heap
+
+    share_one_heap()
     # asyncio goes without ssl where it finds none: 3 MB that nothing here has any use for.
     unwanted = {"ssl": None} if "ssl" not in sys.modules else {}
     sys.modules.update(unwanted)  # type: ignore[arg-type]
@@ -116,6 +119,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
     from lodeline.hosts.offset import NodeTime
     from lodeline.hosts.refusals import Refusals
     from lodeline.hosts.share import share_of
+    from lodeline.memory import settle
     from lodeline.notify import Notifier
     from lodeline.run_folder import RunFolder, log_folder, marker_of
     from lodeline.supervisor.log_files import LogFiles
@@ -167,6 +171,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                 console.event(f"up in {elapsed:.1f} s: {size}")
                 console.event("look: `lodeline topic hz`, `lodeline ps`; stop: Ctrl-C")
                 service.send(f"READY=1\nSTATUS={size}")
+                settle()
 
             service = Notifier()  # whoever started us, if it is systemd
 
