@@ -66,6 +66,9 @@ def main(argv: list[str]) -> int:
         return 0
     if arguments.folder is None:
         parser().error("a FOLDER of recordings, or --speed")
+    if not arguments.folder.is_dir():
+        print(f"{arguments.folder}: there is no such folder", file=sys.stderr)
+        return EXIT_NOTHING
     try:
         trials = read_folder(arguments.folder)
         if not trials:

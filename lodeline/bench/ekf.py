@@ -22,6 +22,7 @@ from lodeline.ekf.engine import Detection, Engine, Noise
 from lodeline.ekf.engines import make_engine
 from lodeline.ekf.motion import Delta
 from lodeline.tables import table
+from lodeline.terminal.numbers import count
 
 NOISE = 2.3e-5  # m: variance of a wheel's way per metre of it
 SETTINGS: tuple[tuple[Literal["plain", "edges"], float, float], ...] = (
@@ -60,7 +61,7 @@ def parser() -> argparse.ArgumentParser:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--runs", type=_positive, default=100, help="simulated runs of each kind")
+    parser.add_argument("--runs", type=count, default=100, help="simulated runs of each kind")
     parser.add_argument("--speed", action="store_true", help="only the cost of one step")
     parser.add_argument("--json", action="store_true", help="print JSON")
     return parser
@@ -198,10 +199,3 @@ def _table(rows: list[dict[str, Any]]) -> str:
     ]
     cells = [tuple(str(value) for value in row.values()) for row in rows]
     return table(headings, cells, right=numbers)
-
-
-def _positive(text: str) -> int:
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"at least 1, not {number}")
-    return number

@@ -21,6 +21,7 @@ from lodeline.bench.pair import PIPELINE, Ear, Side
 from lodeline.loading import shipped
 from lodeline.supervisor.usage import Usage
 from lodeline.tables import table
+from lodeline.terminal.numbers import count, positive
 
 EXIT_FAILED = 1
 DOWN_SAMPLED = "link_rate: {imu/data_raw: 20}"
@@ -143,8 +144,8 @@ def main(argv: list[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """What `lodeline bench fleet` takes."""
     parser = argparse.ArgumentParser(prog="lodeline bench fleet", description=__doc__)
-    parser.add_argument("--robots", type=int, default=3, help="how many (default: 3)")
-    parser.add_argument("--seconds", type=float, default=8.0, help="how long (default: 8)")
+    parser.add_argument("--robots", type=count, default=3, help="how many (default: 3)")
+    parser.add_argument("--seconds", type=positive, default=8.0, help="how long (default: 8)")
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     return parser
 

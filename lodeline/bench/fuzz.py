@@ -20,6 +20,7 @@ from typing import Any
 
 import msgpack
 
+from lodeline.terminal.numbers import count
 from lodeline_msgs import MESSAGES, DecodeError, Message, field_specs, pack, unpack
 
 ODD: tuple[Any, ...] = (
@@ -46,8 +47,8 @@ def main(argv: list[str]) -> int:
     began = time.process_time()
     outcomes, culprit = fuzz(arguments.inputs, arguments.seed)
     seconds = time.process_time() - began
-    for outcome, count in outcomes.most_common():
-        print(f"{count:9d}  {outcome}")
+    for outcome, times in outcomes.most_common():
+        print(f"{times:9d}  {outcome}")
     rate = arguments.inputs / max(seconds, 1e-9)
     print(f"{sum(outcomes.values())} payloads, seed {arguments.seed}, {rate:.0f} per second of CPU")
     if culprit is not None:
@@ -62,7 +63,7 @@ def parser() -> argparse.ArgumentParser:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--inputs", type=int, default=1_000_000, help="how many payloads")
+    parser.add_argument("--inputs", type=count, default=1_000_000, help="how many payloads")
     parser.add_argument("--seed", type=int, default=1)
     return parser
 

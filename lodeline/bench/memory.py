@@ -18,6 +18,7 @@ from lodeline.bench.family import Memory, family, memory
 from lodeline.bench.rig import Rig
 from lodeline.loading import shipped
 from lodeline.tables import table
+from lodeline.terminal.numbers import positive
 
 EXIT_FAILED = 1
 MIB = 1 << 20
@@ -49,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
     """What `lodeline bench memory` takes."""
     parser = argparse.ArgumentParser(prog="lodeline bench memory", description=__doc__)
     parser.add_argument(
-        "--seconds", type=float, default=10.0, help="how long each runs before (default: 10)"
+        "--seconds", type=positive, default=10.0, help="how long each runs before (default: 10)"
     )
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     return parser

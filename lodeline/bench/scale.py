@@ -22,6 +22,7 @@ from lodeline.bench.memory import in_one_process
 from lodeline.bench.up import Up
 from lodeline.loading import shipped
 from lodeline.tables import table
+from lodeline.terminal.numbers import count, positive
 from lodeline.watch import Watch
 
 EXIT_FAILED = 1
@@ -73,9 +74,9 @@ def parser() -> argparse.ArgumentParser:
     """What `lodeline bench scale` takes."""
     parser = argparse.ArgumentParser(prog="lodeline bench scale", description=__doc__)
     counts = [1, 4, 16, 64]
-    parser.add_argument("--subscribers", type=int, nargs="+", default=counts, metavar="N")
-    parser.add_argument("--robots", type=int, nargs="+", default=[1, 2, 4, 8, 16], metavar="N")
-    parser.add_argument("--seconds", type=float, default=4.0, help="of each (default: 4)")
+    parser.add_argument("--subscribers", type=count, nargs="+", default=counts, metavar="N")
+    parser.add_argument("--robots", type=count, nargs="+", default=[1, 2, 4, 8, 16], metavar="N")
+    parser.add_argument("--seconds", type=positive, default=4.0, help="of each (default: 4)")
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     return parser
 

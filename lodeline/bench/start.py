@@ -24,6 +24,7 @@ from typing import Annotated
 from lodeline.bench.family import cpu_seconds
 from lodeline.run_folder import running
 from lodeline.tables import table
+from lodeline.terminal.numbers import count, positive
 from lodeline.watch import Watch
 
 EXIT_FAILED = 1
@@ -87,8 +88,8 @@ def main(argv: list[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """What `lodeline bench start` takes."""
     parser = argparse.ArgumentParser(prog="lodeline bench start", description=__doc__)
-    parser.add_argument("--rounds", type=int, default=5, help="warm starts (default: 5)")
-    parser.add_argument("--idle", type=float, default=3.0, help="seconds watched (default: 3)")
+    parser.add_argument("--rounds", type=count, default=5, help="warm starts (default: 5)")
+    parser.add_argument("--idle", type=positive, default=3.0, help="seconds watched (default: 3)")
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     return parser
 

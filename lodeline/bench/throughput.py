@@ -27,6 +27,7 @@ from lodeline.pipeline.load import load
 from lodeline.recording.offline import Replay
 from lodeline.recording.read import Recording
 from lodeline.tables import table
+from lodeline.terminal.numbers import count, positive
 
 EXIT_FAILED = 1
 LADDER = (500, 1000, 1500, 2000, 2500, 3000, 4000, 5000, 6000, 8000, 10000, 12000)
@@ -84,10 +85,10 @@ def main(argv: list[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """What `lodeline bench throughput` takes."""
     parser = argparse.ArgumentParser(prog="lodeline bench throughput", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=10.0, help="without loss (default: 10)")
-    parser.add_argument("--most", type=int, default=LADDER[-1], help="highest rate tried [Hz]")
+    parser.add_argument("--seconds", type=positive, default=10.0, help="without loss (default: 10)")
+    parser.add_argument("--most", type=count, default=LADDER[-1], help="highest rate tried [Hz]")
     parser.add_argument(
-        "--recording", type=float, default=20.0, help="seconds recorded to replay (default: 20)"
+        "--recording", type=positive, default=20.0, help="seconds recorded to replay (default: 20)"
     )
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     return parser

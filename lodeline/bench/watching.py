@@ -23,7 +23,7 @@ from urllib.parse import urlsplit
 
 from lodeline.bench.rig import Rig
 from lodeline.tables import table
-from lodeline.terminal.numbers import positive
+from lodeline.terminal.numbers import count, positive
 
 WATCHERS = (("topic", "hz", "-f"), ("topic", "delay", "-f"), ("top",), ("logs", "-f"))
 PAGE = (("dash",),)
@@ -86,7 +86,7 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("file", nargs="?", default="pipeline.yaml", help="a pipeline")
     parser.add_argument("--seconds", type=positive, default=5.0, help="length of a window")
-    parser.add_argument("--pairs", type=int, default=5, help="of windows, without and with")
+    parser.add_argument("--pairs", type=count, default=5, help="of windows, without and with")
     return parser
 
 
