@@ -45,7 +45,8 @@ class Launch:
 
     `epoch_offset` [ns] turns this host's monotonic clock into stamps; `restarts` counts the
     predecessors of this process in this run of the pipeline, `neighbours` the other processes
-    of the host, which it must be linked with before sources are let go.
+    of the host, which it must be linked with before sources are let go. With `resumes`, nodes go on
+    from the states of a run that died.
     """
 
     pipeline: str
@@ -58,6 +59,7 @@ class Launch:
     restarts: int
     neighbours: int
     nodes: tuple[NodeLaunch, ...]
+    resumes: bool = False
 
     def to_json(self) -> str:
         return json.dumps(asdict(self))
@@ -87,6 +89,7 @@ def launch_of(
     run_folder: Path,
     epoch_offset: int,
     restarts: int = 0,
+    resumes: bool = False,
 ) -> Launch:
     """The launch of one process of a pipeline on a host."""
     processes = pipeline.processes(host)
@@ -101,6 +104,7 @@ def launch_of(
         restarts=restarts,
         neighbours=len(processes) - 1,
         nodes=tuple(_node_launch(pipeline, spec) for spec in processes[process]),
+        resumes=resumes,
     )
 
 

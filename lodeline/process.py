@@ -70,7 +70,8 @@ class NodeProcess:
         self.keepsakes = {
             name: Keepsake(node, folder / "state") for name, node in self.nodes.items()
         }
-        marks = {name: item.restore() for name, item in self.keepsakes.items() if launch.restarts}
+        kept = self.keepsakes if launch.restarts or launch.resumes else {}
+        marks = {name: item.restore() for name, item in kept.items()}
         self.missed = Missed()
         self.intake = Intake(self.lock)
         self.bus = Peer(folder, launch.process)
@@ -78,7 +79,8 @@ class NodeProcess:
         self.status = StatusReporter(self.launch, self.nodes, self.bus)
         self.gossip = Gossip()
         for item in launch.nodes:
-            self._connect(item, marks.get(item.name))
+            # Where all were down, nobody has sent what could be missed.
+            self._connect(item, marks.get(item.name) if launch.restarts else None)
         self.tickers = [
             Ticker(node, self.host_clock, self.lock, self._ticking_failed)
             for node in self.nodes.values()

@@ -26,6 +26,9 @@ STATE = "state"
 MAX_PATH = 76
 """Bytes of a run folder's path: 31 are left for a socket's name (sun_path holds 107)."""
 LOCK_PATIENCE_S = 0.1
+RESUME_S = 10.0
+"""States that are older are of a robot that may stand elsewhere by now."""
+SAME_CLOCK_NS = 100_000_000
 
 
 class RunFolderError(RuntimeError):
@@ -60,7 +63,8 @@ class Manifest:
     `nodes` gives each node of the whole pipeline its process, `places` its host; only those on
     `hosts` run here. `readers` are the nodes of all hosts that read a key, by key; `withheld` what
     the link does not take from tools here to nodes of another host: `@restart`, `cmd_vel`.
-    `sources` are the files that it was read from, see `lodeline.pipeline.edited`.
+    `sources` are the files that it was read from, see `lodeline.pipeline.edited`. `epoch` [ns] is
+    that of its clock, another after a boot or when the clock was set.
     """
 
     name: str
@@ -77,6 +81,7 @@ class Manifest:
     withheld: tuple[str, ...] = ()
     overrides: tuple[str, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
+    epoch: int = 0
 
     @property
     def host(self) -> str:
@@ -132,10 +137,11 @@ class RunFolder:
 
     Raises AlreadyUpError naming pid and time, and RunFolderError for a folder of somebody else.
     What a predecessor that died without a word left behind, files and processes, is removed:
-    `unclean` says that there was one, `leftovers` which processes were killed.
+    `unclean` says that there was one, `leftovers` which processes were killed. `resumes` says that
+    it died just now, with the same `digest` and `epoch`: then the states of its nodes are kept.
     """
 
-    def __init__(self, name: str, hosts: Sequence[str]) -> None:
+    def __init__(self, name: str, hosts: Sequence[str], digest: str = "", epoch: int = 0) -> None:
         self.path = folder_of(name, hosts)
         base = self.path.parents[1]
         _own(base, private=VARIABLE not in os.environ)
@@ -149,7 +155,8 @@ class RunFolder:
             raise
         self.unclean = self.path.is_dir() and any(not each.is_dir() for each in self.path.iterdir())
         self.leftovers = kill_marked(marker_of(self.path)) if self.unclean else []
-        shutil.rmtree(self.path, ignore_errors=True)
+        self.resumes = self.unclean and _died_just_now(self.path, digest, epoch)
+        self._clear(every=not self.resumes)
         _own(self.path)
         _own(self.path / STATE)
 
@@ -161,10 +168,17 @@ class RunFolder:
 
     def close(self) -> None:
         """Nothing runs here any more; states of nodes stay until the next start."""
+        self._clear(every=False)
+        self._unlock()
+
+    def _clear(self, every: bool) -> None:
+        """Remove all that is here, or all but the states."""
+        if every:
+            shutil.rmtree(self.path, ignore_errors=True)
+            return
         for entry in self.path.iterdir():
             if not entry.is_dir():
                 entry.unlink(missing_ok=True)
-        self._unlock()
 
     def _unlock(self) -> None:
         for lock in self._locks:
@@ -176,6 +190,17 @@ class RunFolder:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _died_just_now(folder: Path, digest: str, epoch: int) -> bool:
+    """Whether the states of a dead run still hold: same pipeline, same clock, no age."""
+    try:
+        values = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+        newest = max(file.stat().st_mtime for file in (folder / STATE).iterdir())
+        same = values["digest"] == digest and abs(values["epoch"] - epoch) < SAME_CLOCK_NS
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    return bool(same) and abs(time.time() - newest) < RESUME_S
 
 
 def base_folder() -> Path:

@@ -31,6 +31,7 @@ WorkingDirectory={folder}
 User={user}
 RuntimeDirectory=lodeline
 RuntimeDirectoryMode=0700
+RuntimeDirectoryPreserve=restart
 Environment=LODELINE_RUN=/run/lodeline
 WatchdogSec={watchdog}
 TimeoutStartSec=60

@@ -139,12 +139,12 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
         address = None if listen is None else split(listen.removeprefix("tls/"))[0]
         for warning in check(keys_folder(pipeline), host, address):
             print(f"warning: {warning}", file=sys.stderr)
-    with RunFolder(pipeline.name, hosts) as run:
-        own = epoch_offset()
+    own = epoch_offset()
+    with RunFolder(pipeline.name, hosts, pipeline.digest, own) as run:
         # Samples come from the host that listens, so its time is everybody's.
         reference = next((each.name for each in pipeline.hosts.values() if each.listen), None)
         node_time = NodeTime(own, reference if link.ends and reference != host else None)
-        plans = plans_of(pipeline, hosts, run.path, node_time.epoch)
+        plans = plans_of(pipeline, hosts, run.path, node_time.epoch, run.resumes)
         book = LogBook()
         files = LogFiles(
             log_folder() / pipeline.name / run.path.name, lambda text: console.event(text)
@@ -163,7 +163,9 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             if run.unclean:
                 killed = _count(len(run.leftovers), "process", "es")
                 console.event(f"LEFTOVER files of a run that died were removed, {killed} killed")
-            manifest = _manifest(pipeline, hosts, link.withheld)
+            if run.resumes:
+                console.event("RESUMED nodes go on from their states in that run")
+            manifest = _manifest(pipeline, hosts, link.withheld, own)
             run.publish(manifest)
 
             def on_release() -> None:
@@ -240,7 +242,9 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             console.close()
 
 
-def _manifest(pipeline: Pipeline, hosts: Sequence[str], withheld: Sequence[str]) -> Manifest:
+def _manifest(
+    pipeline: Pipeline, hosts: Sequence[str], withheld: Sequence[str], epoch: int
+) -> Manifest:
     from lodeline.pipeline.edited import fingerprints
     from lodeline.run_folder import Key, Manifest, Reader
 
@@ -268,6 +272,7 @@ def _manifest(pipeline: Pipeline, hosts: Sequence[str], withheld: Sequence[str])
         withheld=tuple(withheld),
         overrides=pipeline.overrides,
         sources=fingerprints(pipeline),
+        epoch=epoch,
     )
 
 

@@ -51,23 +51,32 @@ class Timing:
 
 
 def plans_of(
-    pipeline: Pipeline, hosts: Sequence[str], folder: Path, epoch_offset: Callable[[], int]
+    pipeline: Pipeline,
+    hosts: Sequence[str],
+    folder: Path,
+    epoch_offset: Callable[[], int],
+    resumes: bool = False,
 ) -> list[Plan]:
     """Plans for the share of these hosts, in the order in which data flow.
 
-    `epoch_offset()` [ns] is asked at each start.
+    `epoch_offset()` [ns] is asked at each start. With `resumes` nodes go on from the states that
+    are in the folder.
     """
     plans: dict[tuple[str, str], Plan] = {}
     for spec in pipeline.nodes:
         where = (spec.host, spec.process)
         if spec.host in hosts and where not in plans:
             specs = pipeline.processes(spec.host)[spec.process]
-            plans[where] = _plan(pipeline, specs, folder, epoch_offset)
+            plans[where] = _plan(pipeline, specs, folder, epoch_offset, resumes)
     return list(plans.values())
 
 
 def _plan(
-    pipeline: Pipeline, specs: list[NodeSpec], folder: Path, epoch_offset: Callable[[], int]
+    pipeline: Pipeline,
+    specs: list[NodeSpec],
+    folder: Path,
+    epoch_offset: Callable[[], int],
+    resumes: bool,
 ) -> Plan:
     host, process = specs[0].host, specs[0].process
     program = (str(specs[0].run),) if len(specs) == 1 else ("-m", "lodeline.process")
@@ -80,7 +89,7 @@ def _plan(
         nodes=tuple(spec.name for spec in specs),
         command=(sys.executable, "-P", *program),
         launch=lambda restarts: launch_of(
-            pipeline, host, process, folder, epoch_offset(), restarts
+            pipeline, host, process, folder, epoch_offset(), restarts, resumes
         ).to_json(),
         restart=_most_patient(wanted),
         required=any(spec.required for spec in specs),

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import time
+from pathlib import Path
+
 import pytest
 
+from lodeline.watch import Watch
+from lodeline_msgs import PoseEstimate, unpack
 from tests.hosts.net import Host, Net, hosts_at
+from tests.supervisor.talk import patience
 from tests.support.live import ROOT, eventually
 
 
@@ -48,17 +55,53 @@ def test_one_word_moves_a_node_to_the_other_side(net: Net) -> None:
         assert "left:" in sample.stdout
 
 
-@pytest.mark.parametrize("place", ["robot", "laptop"])
-def test_the_default_pipeline_has_its_filter_on_either_side(net: Net, place: str) -> None:
+def default_pipeline(net: Net, ekf: str) -> Path:
+    """The pipeline that comes along, on two hosts, with its filter on one of them."""
     text = (ROOT / "pipeline.yaml").read_text()
-    text = text.replace("nodes/ekf.py", f"nodes/ekf.py\n    host: {place}")
+    text = text.replace("nodes/ekf.py", f"nodes/ekf.py\n    host: {ekf}")
     file = net.folder / "pipeline.yaml"
     file.write_text(f"{text}\nhosts: {hosts_at(net.address)}\n")
+    return file
+
+
+def test_the_default_pipeline_may_have_its_filter_on_the_laptop(net: Net) -> None:
+    file = default_pipeline(net, ekf="laptop")
     with Host(net.robot, file, "robot") as robot, Host(net.laptop, file, "laptop") as laptop:
         for host in (robot, laptop):
             sample = host.call("topic", "echo", "pose", "-n", "1", "--timeout", "10")
             assert "covariance:" in sample.stdout
-        assert "ekf" in processes(robot)[place]
+        assert "ekf" in processes(robot)["laptop"]
+
+
+def test_a_robot_whose_supervisor_is_killed_is_back_and_knows_where_it_stands(net: Net) -> None:
+    file = default_pipeline(net, ekf="robot")
+    heard: list[tuple[float, PoseEstimate]] = []
+
+    def take(_key: str, data: bytes, _encoding: str) -> None:
+        heard.append((time.monotonic(), unpack(data, PoseEstimate)))
+
+    with (
+        Host(net.robot, file, "robot") as robot,
+        Host(net.laptop, file, "laptop") as laptop,
+        Watch(laptop.running) as watch,
+    ):
+        watch.subscribe("rover/pose", 1024, take)
+        assert eventually(lambda: bool(heard) and heard[-1][1].x > 0.05, 20.0)
+        robot.call("topic", "pub", "cmd_vel", "v=0", "w=0", "--rate", "50", "-n", "25")
+        unit = robot.call("service", str(file)).stdout
+        killed, before = time.monotonic(), heard[-1][1]
+        robot.process.kill()
+        robot.process.wait()
+        time.sleep(float(unit.partition("RestartSec=")[2].split()[0]))  # as systemd does
+        with Host(net.robot, file, "robot", base=robot.run) as again:
+            assert again.says("RESUMED nodes go on from their states")
+            fresh = [item for item in heard if item[0] > killed + 0.5]
+            back = fresh[0][0] - killed
+            print(f"back on the laptop after {back:.1f} s")
+            assert back < 4.0 * patience()
+            assert eventually(lambda: len(heard) > len(fresh) + 50, 10.0)
+            after = heard[-1][1]
+            assert math.hypot(after.x - before.x, after.y - before.y) < 0.02
 
 
 def test_the_laptop_leaves_and_returns_and_the_robot_does_not_care(net: Net) -> None:

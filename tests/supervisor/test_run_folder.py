@@ -7,6 +7,8 @@ import os
 import subprocess
 import sys
 import threading
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -111,6 +113,24 @@ def test_a_fresh_run_has_no_states_and_a_dead_one_leaves_its_own() -> None:
     assert not (run.path / "hub.sock").exists()
     with RunFolder("scuttle", ["robot"]):
         assert not state.exists()
+
+
+def test_states_of_a_run_that_died_just_now_are_kept_for_the_same_pipeline_and_clock() -> None:
+    def dies(age: float = 0.0, digest: str = "0123", epoch: int = 10**18) -> tuple[bool, bool]:
+        """Whether the next run resumes, and whether a state is there for it."""
+        with RunFolder("scuttle", ["robot"]) as run:
+            state = run.path / "state" / "odometry.msgpack"
+            state.write_bytes(b"x")
+            os.utime(state, times=(time.time() - age,) * 2)
+            run.publish(replace(manifest(), digest="0123", epoch=10**18))
+            run._unlock()  # as the kernel does when its holder dies
+            with RunFolder("scuttle", ["robot"], digest, epoch) as fresh:
+                return fresh.resumes, state.exists()
+
+    assert dies() == (True, True)
+    assert dies(age=11.0) == (False, False)
+    assert dies(digest="4567") == (False, False)
+    assert dies(epoch=10**18 + 10**9) == (False, False)  # another boot, or a clock that was set
 
 
 def test_leftovers_of_a_dead_run_are_killed_and_nobody_else(base: Path) -> None:
