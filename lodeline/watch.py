@@ -67,9 +67,9 @@ class Watch:
         self._target = target
         try:
             self._client = Client(target.folder)
-        except BusError as error:
+        except BusError:
             raise NothingThereError(
-                f"{self.manifest.name} runs, but its hub does not answer: {error}"
+                f"{self.manifest.name} runs, but its supervisor, pid {self.manifest.pid}, is silent"
             ) from None
         self._lock = threading.Lock()
         self._statuses: dict[str, NodeStatus] = {}

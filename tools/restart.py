@@ -16,7 +16,7 @@ TIMEOUT_S = 2.0
 def main(argv: list[str]) -> int:
     """Run `lodeline restart`; the exit code."""
     arguments = parser().parse_args(argv)
-    from lodeline.bus import query
+    from lodeline.bus import BusError, query
     from lodeline.params import nearest
     from lodeline.watch import NothingThereError, choose
 
@@ -34,13 +34,17 @@ def main(argv: list[str]) -> int:
         print(why, file=sys.stderr)
         return EXIT_FAILED
     key = f"{manifest.name}/@restart/*/{arguments.node}"
-    answers = [data.decode() for _, data in query(target.folder, key, TIMEOUT_S)]
-    said = ", ".join(answers) or "its supervisor does not answer"
+    try:
+        answers = [data.decode() for _, data in query(target.folder, key, TIMEOUT_S)]
+    except BusError:
+        answers = []
+    said = ", ".join(answers) or "its supervisor is silent"
     place = manifest.places.get(arguments.node)
     if not answers and place not in (None, *manifest.hosts):
         said += f": is {place} linked (`lodeline doctor net`), and does the file there grant it?"
-    print(f"{arguments.node}: {said}")
-    return 0 if "restarting" in answers else EXIT_FAILED
+    restarting = "restarting" in answers
+    print(f"{arguments.node}: {said}", file=sys.stdout if restarting else sys.stderr)
+    return 0 if restarting else EXIT_FAILED
 
 
 def parser() -> argparse.ArgumentParser:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -207,6 +208,20 @@ def test_samples_of_a_recording_need_no_pipeline(up: Up, tmp_path: Path) -> None
     wrong = echo("magg")
     assert wrong.returncode == 4
     assert "did you mean 'imu/mag'?" in wrong.stderr
+
+
+def test_a_supervisor_that_stands_still_is_named(up: Up) -> None:
+    pid = up.process.pid
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        listed = up.call("topic", "list")
+        restarted = up.call("restart", "ekf")
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    said = f"rover runs, but its supervisor, pid {pid}, is silent\n"
+    assert (listed.returncode, listed.stdout, listed.stderr) == (4, "", said)
+    assert (restarted.returncode, restarted.stdout) == (1, "")
+    assert restarted.stderr == "ekf: its supervisor is silent\n"
 
 
 def test_tools_end_when_their_pipeline_does(tmp_path: Path) -> None:
