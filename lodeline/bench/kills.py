@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from lodeline.bench.rig import Rig
 from lodeline.tables import table
 
-ROUND_S = 16.0
+ROUND_S = 13.0
 """From kill to kill of one node: so long that its supervisor neither holds it back nor gives up."""
 PATIENCE_S = 10.0
 
