@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import msgpack
 
 from lodeline.inlet import Inlet
-from lodeline.recent import recent_key
+from lodeline.recent import NEWEST, recent_key
 from lodeline_msgs import DecodeError, Message
 
 PATIENCE_S = 0.5
@@ -40,6 +40,7 @@ class Missed:
     def __init__(self) -> None:
         self._edges: list[tuple[Inlet[Any], int]] = []
         self._since = time.monotonic()
+        self.gone: list[str] = []  # keys of which more was missed than their sender keeps
 
     def hold(self, inlet: Inlet[Any], mark: int) -> None:
         """Let live samples wait; the predecessor's state has all up to the stamp `mark` in it."""
@@ -104,6 +105,8 @@ class Missed:
             inlet, mark = self._edges[edge]
             try:
                 source, kept = msgpack.unpackb(answer)
+                if len(kept) >= NEWEST and mark < _stamp(inlet, kept[0]):
+                    self.gone.append(inlet.key)
                 for data in kept:
                     stamp = _stamp(inlet, data)
                     if mark < stamp:

@@ -201,6 +201,8 @@ class NodeProcess:
         unheard = self.missed.unheard()
         count = self.missed.catch_up(self.bus.ask, self.lock, self.status.mute)
         rest = f"; nothing new of {', '.join(unheard)}" if unheard else ""
+        if self.missed.gone:
+            rest += f"; not all of {', '.join(self.missed.gone)}, nobody keeps so many"
         text = f"CAUGHT_UP with {count} samples of the time between{rest}"
         print(text, file=sys.stderr, flush=True)
 

@@ -373,7 +373,9 @@ def test_what_an_encoder_says_of_its_magnet_comes_with_the_very_reading(
     assert (out.false, out.states, out.after) == (0, {state}, "ok")
     assert out.messages[0] == f"ENC_MAGNET encoders left: {text}"
     assert out.sent == (50 if state == "degraded" else 0)
-    # after half a second of silence one reading more tells how fast the wheel turns now
+    # Readings are 10 ms apart. A magnet that only sits badly interrupts nothing: the next reading
+    # counts. After half a second of silence the wheel may have gone round more than once, and only
+    # the speed after it, which takes a second reading, tells how often: so the first one waits.
     assert out.recovered <= (0.011 if state == "degraded" else 0.021)
 
 

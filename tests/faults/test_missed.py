@@ -165,6 +165,19 @@ def test_a_sender_keeps_its_newest_samples_and_no_more() -> None:
     missed = Missed()
     missed.hold(held, 400)
     assert missed.catch_up(lambda key, _: [("", recent.answer())], threading.RLock(), ignore) == 211
+    assert missed.gone == []
+
+
+def test_who_missed_more_than_its_sender_keeps_is_told_so() -> None:
+    recent = Recent("me")
+    for seq in range(NEWEST + 100):
+        keep(recent, MagneticField(seq, (0.0, 0.0, 0.0), seq=seq))
+    for mark, gone in ((100, []), (98, ["mag"])):
+        held = Inlet("mag", MagneticField, None, RecordingClock(), print, lambda sample: None)
+        missed = Missed()
+        missed.hold(held, mark)
+        missed.catch_up(lambda key, _: [("", recent.answer())], threading.RLock(), ignore)
+        assert missed.gone == gone
 
 
 def test_a_question_that_gets_lost_is_put_again_and_not_waited_for() -> None:

@@ -412,6 +412,56 @@ def test_a_live_recorder_on_a_full_disk_says_so_and_leaves_a_readable_file(
     }
 
 
+@pytest.fixture
+def freezable_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system on which every write waits while it is frozen."""
+    image, folder = tmp_path / "image", tmp_path / "disk"
+    folder.mkdir()
+    with image.open("wb") as file:
+        file.truncate(24_000_000)
+    for command in (
+        ["mkfs.ext4", "-q", "-F", str(image)],
+        ["mount", "-o", "loop", str(image), str(folder)],
+    ):
+        try:
+            subprocess.run(command, check=True, capture_output=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            pytest.skip(f"no file system can be made here to freeze: {error}")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+@pytest.mark.live
+def test_a_disk_that_stands_still_costs_what_did_not_fit_the_ring_and_the_file_says_so(
+    up: Up, listener: Listener, freezable_disk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two seconds without a write: 400 samples of one key, 100 of the other, rings of 150."""
+    monkeypatch.setenv("LODELINE_RUN", str(up.run))
+    monkeypatch.setattr("lodeline.recording.live.QUEUE", 150)
+    file = freezable_disk / "run.mcap"
+    before = up.ps()
+    with Watch(up.running) as watch:
+        made = Recorder(
+            file, "rover", {"imu/data_raw": "Imu", "truth": "Odometry"}, {"pipeline": "rover"}
+        )
+        freeze = "sleep 0.7; fsfreeze -f $0; sleep 2; fsfreeze -u $0"
+        with subprocess.Popen(["sh", "-c", freeze, str(freezable_disk)]) as frozen:
+            record_live(watch, made, 4.0, threading.Event(), lambda _: None)
+        assert frozen.returncode == 0
+    found = set(numbers(file, "imu/data_raw"))
+    sent = listener.between(min(found) - 1, max(found) + 1)
+    assert sent == set(range(min(found), max(found) + 1)), "nobody else noticed"
+    missed = len(sent - found)
+    assert missed > 100
+    kept = numbers(file, "truth")
+    assert kept == list(range(kept[0], kept[-1] + 1))
+    with Recording(file) as recording:
+        assert recording.metadata["lost"] == f"{missed} of imu/data_raw"
+    assert {name: each["pid"] for name, each in up.ps().items()} == {
+        name: each["pid"] for name, each in before.items()
+    }
+
+
 @pytest.mark.live
 def test_a_thousand_samples_a_second_are_recorded_without_a_gap(tmp_path: Path) -> None:
     node = tmp_path / "fast.py"
