@@ -39,6 +39,7 @@ def said(capsys: Capture, *words: str) -> tuple[int, str]:
 def test_keys_refuses_what_is_no_host_no_address_and_no_time(
     words: list[str], answer: str, tmp_path: Path, capsys: Capture
 ) -> None:
+    pytest.importorskip("cryptography")
     keys = tmp_path / "keys"
     assert cli.main(["keys", "init", "--folder", str(keys)]) == 0
     code, text = said(capsys, "keys", "add", "--folder", str(keys), *words)
