@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -100,7 +101,7 @@ def load(file: Path, overrides: Sequence[str] = ()) -> Pipeline:
         hosts=draft.hosts,
         nodes=nodes,
         external=_external(draft),
-        warnings=draft.warnings,
+        warnings=(*draft.warnings, *_idle(draft, programs)),
         tls=None if draft.tls is None else file.resolve().parent / draft.tls,
         link_rate={f"{draft.name}/{key}": rate for key, rate in draft.link_rate.items()},
         overrides=tuple(overrides),
@@ -188,6 +189,22 @@ def _check_link(draft: Draft, place: Place, faults: list[Fault]) -> None:
             if key not in draft.external and key not in ORDERS:
                 text = f"host {host.name!r} is granted {key!r}, which is no external key"
                 faults.append(place.fault(text))
+
+
+def _idle(draft: Draft, programs: Mapping[str, tuple[Path, type[Node[Any]]]]) -> Iterator[str]:
+    """A word on each program that would end at once: what it is to do when it is run, is missing.
+
+    Nodes that share a process are run by it.
+    """
+    alone = Counter((node.host, node.process) for node in draft.nodes)
+    for node in draft.nodes:
+        file, cls = programs[node.name]
+        if alone[node.host, node.process] == 1 and b"__main__" not in file.read_bytes():
+            text = (
+                f"{node.run} never runs its node, end it with: "
+                f'if __name__ == "__main__": from lodeline.process import run; run({cls.__name__})'
+            )
+            yield str(node.at("run").fault(text))
 
 
 def _digest(draft: Draft, nodes: Sequence[NodeSpec]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import sys
 from dataclasses import fields
 from pathlib import Path
@@ -79,14 +80,30 @@ def _class_problems(cls: type[Node[Any]]) -> list[str]:
         for port in cls.inputs().values()
         if not port.method
     ]
+    problems += [
+        f"handler of port {port.name!r} must take a sample: def {port.method}(self, sample)"
+        for port in cls.inputs().values()
+        if port.method and not _takes_one(getattr(cls, port.method))
+    ]
     if issubclass(cls, Driver):
         if cls.tick is Driver.tick:
             problems.append(f"driver {cls.__name__} has no tick method")
+        elif not _takes_one(cls.tick):
+            problems.append(f"driver {cls.__name__} must take a stamp: def tick(self, stamp)")
         if "rate" not in {item.name for item in fields(params)}:
             problems.append(f"params of driver {cls.__name__} have no rate")
     elif not cls.inputs():
         problems.append(f"{cls.__name__} has no input port and is no Driver: it would never run")
     return problems
+
+
+def _takes_one(handler: Any) -> bool:
+    """Whether a method can be called with itself and one thing more."""
+    try:
+        inspect.signature(handler).bind(None, None)
+    except TypeError:
+        return False
+    return True
 
 
 def build_params(node: DraftNode, cls: type[Node[Any]], faults: list[Fault]) -> Any:

@@ -96,6 +96,7 @@ def _frozen(layout: type[M]) -> type[M]:
         " self.__class__ = frozen",
     ]
     exec("\n".join(lines), names)  # noqa: S102 - our own field names, as dataclasses does
+    names["made"].__qualname__ = f"{layout.__name__}.__init__"  # as who forgets a field is told
     frozen: type[M] = type(
         layout.__name__,
         (layout,),

@@ -191,3 +191,8 @@ def test_messages_are_frozen_and_have_no_dict() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
         IMU.stamp = 0  # type: ignore[misc]
     assert not hasattr(WheelTicks(1, 2, 3), "__dict__")
+
+
+def test_who_forgets_a_field_is_told_the_class() -> None:
+    with pytest.raises(TypeError, match=r"^WheelTicks\.__init__\(\) missing .* 'right'$"):
+        WheelTicks(1, 2)  # type: ignore[call-arg]

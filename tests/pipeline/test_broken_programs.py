@@ -54,6 +54,15 @@ PROGRAMS: dict[str, tuple[str, str]] = {
         "class A(Node[NoParams]):\n    imu = Input(Imu)",
         "own.py: input port 'imu' of A has no handler",
     ),
+    "handler that takes nothing": (
+        "class A(Node[NoParams]):\n    imu = Input(Imu)\n"
+        "    @imu.handler\n    def on_imu(self): ...",
+        "own.py: handler of port 'imu' must take a sample: def on_imu(self, sample)",
+    ),
+    "tick that takes nothing": (
+        "class A(Driver[Paced]):\n    imu = Output(Imu)\n    def tick(self): ...",
+        "own.py: driver A must take a stamp: def tick(self, stamp)",
+    ),
     "neither input nor tick": (
         "class A(Node[NoParams]):\n    imu = Output(Imu)",
         "own.py: A has no input port and is no Driver: it would never run",
@@ -114,6 +123,22 @@ def test_what_a_program_prints_when_imported_does_not_mix_with_data(
     assert load(write(tmp_path, HEAD + program)).nodes[0].name == "own"
     out, err = capsys.readouterr()
     assert (out, err) == ("", "hello from the node\n")
+
+
+def test_a_program_that_would_end_at_once_is_told_of_unless_it_shares_a_process(
+    tmp_path: Path,
+) -> None:
+    driver = "class A(Driver[Paced]):\n    def tick(self, stamp): ...\n"
+    file = write(tmp_path, HEAD + driver)
+    (warning,) = load(file).warnings
+    assert warning.startswith(f"{file}:4:14: own.py never runs its node, end it with: if __name__")
+    assert warning.endswith("run(A)")
+    text = file.read_text()
+    both = "{run: own.py, process: both}"
+    file.write_text(text.replace("own: {run: own.py}", f"own: {both}\n  other: {both}"))
+    assert load(file).warnings == ()
+    write(tmp_path, HEAD + driver + 'if __name__ == "__main__":\n    run(A)\n')
+    assert load(file).warnings == ()
 
 
 def test_interruption_during_an_import_is_no_fault_of_the_file(tmp_path: Path) -> None:
