@@ -115,7 +115,7 @@ def _import(args: argparse.Namespace) -> int:
     if not samples:
         raise RecordingError(f"{args.file}: no row makes a sample (look with --preview)")
     output = args.output or Path(f"{args.file.name.partition('.')[0]}.mcap")
-    with whole_file(output, replace=args.force) as stream:
+    with whole_file(output, replace=args.force, source=args.file) as stream:
         texts.write(imported, stream)
     seconds = (samples[-1][1].stamp - samples[0][1].stamp) * 1e-9
     rows = sum(key == samples[0][0] for key, _ in samples)

@@ -100,11 +100,9 @@ def write_estimates(source: Path, estimator: Attitude, target: Path) -> tuple[in
     """Run the estimator over a file; (rows written, what looks odd about the readings)."""
     from lodeline.recording.write import whole_file
 
-    if target.exists() and source.exists() and target.samefile(source):
-        raise RecordingError(f"{target} is the input: give another name")
     rows = 0
     doubts = Doubts()
-    with CsvTable(source) as table, whole_file(target, replace=True) as stream:
+    with CsvTable(source) as table, whole_file(target, replace=True, source=source) as stream:
         stream.write(f"{header(estimator)}\n".encode())
         for row in estimated(table, estimator):
             stream.write(f"{','.join(cells(row.t, estimator))}\n".encode())

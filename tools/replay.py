@@ -125,7 +125,9 @@ def _run(
         scratch = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         writer = None
         if output is not None:
-            stream = stack.enter_context(whole_file(output, replace=args.force))
+            stream = stack.enter_context(
+                whole_file(output, replace=args.force, source=args.recording)
+            )
             writer = RecordingWriter(
                 stream,
                 {

@@ -14,8 +14,10 @@ from typing import Any
 
 from lodeline.plotting.figure import Band, Curve, Figure, Floor
 from lodeline.plotting.palette import SHEET
+from lodeline.recording import RecordingError
 from lodeline.recording.write import whole_file
 
+DOCTYPE = b"<!doctype html>"
 PAGE = Path(__file__).with_name("page")
 SCRIPTS = (
     SHEET.with_name("dom.js"),
@@ -72,8 +74,15 @@ def write(
     for mark, text in parts.items():
         before, _, after = page.partition(mark)
         page = before + text + after
+    if file.is_file() and not _is_page(file):
+        raise RecordingError(f"{file} is there already, and no page: give another name")
     with whole_file(file, replace=True) as stream:
         stream.write(page.encode())
+
+
+def _is_page(file: Path) -> bool:
+    with file.open("rb") as stream:
+        return stream.read(len(DOCTYPE)).lower() == DOCTYPE
 
 
 def _text(name: str) -> str:

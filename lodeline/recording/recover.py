@@ -49,7 +49,7 @@ def recover(source: Path, target: Path, *, replace: bool = False) -> Recovered:
     except OSError as error:
         raise unreadable(source, error) from None
     found = Recovered()
-    with stream, whole_file(target, replace=replace) as out:
+    with stream, whole_file(target, replace=replace, source=source) as out:
         if stream.read(len(MAGIC)) != MAGIC:
             raise RecordingError(f"{source} is no MCAP recording")
         copy = _Copy(out)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from textwrap import shorten
 from typing import Any
 
 from lodeline.recording.read import Recording
 from lodeline_msgs import stamp_text
+
+LONGEST = 80
+"""Letters of a word about the recording that people are shown."""
 
 
 @dataclass(slots=True)
@@ -77,7 +81,11 @@ class Summary:
 
     def as_text(self) -> str:
         """A table for people."""
-        lines = [f"{name}: {value}" for name, value in self.metadata.items() if value]
+        lines = [
+            f"{name}: {shorten(value, LONGEST, placeholder=' ...')}"
+            for name, value in self.metadata.items()
+            if value
+        ]
         lines.append(f"start: {stamp_text(self.start)} s, duration: {self.duration:.3f} s")
         wide = max(map(len, ["key", *self.keys]))
         kind = max(map(len, ["class", *(key.type_name for key in self.keys.values())]))

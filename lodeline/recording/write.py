@@ -116,12 +116,16 @@ class RecordingWriter:
 
 
 @contextmanager
-def whole_file(path: Path, *, replace: bool = False) -> Iterator[BinaryIO]:
+def whole_file(
+    path: Path, *, replace: bool = False, source: Path | None = None
+) -> Iterator[BinaryIO]:
     """A new file that appears under its name when it is complete, or not at all.
 
-    RecordingError if there is one already (unless `replace`), or no folder to put it in, or a
-    folder of that name.
+    RecordingError if there is one already (unless `replace`), or it is the `source` that it is made
+    of, or no folder to put it in, or a folder of that name.
     """
+    if source is not None and path.exists() and source.exists() and path.samefile(source):
+        raise RecordingError(f"{path} is the input: give another name")
     if path.exists() and not replace:
         raise RecordingError(f"{path} exists already: give another name, or --force to replace it")
     if path.is_dir():

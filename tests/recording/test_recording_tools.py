@@ -78,6 +78,28 @@ def test_a_file_that_is_not_there_ends_every_verb_alike(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "bag import TEXT --format magnet-lab -o TEXT --force",
+        "bag recover BAG -o BAG --force",
+        "plot BAG --html BAG",
+        "replay BAG --pipeline magnet-lab -o BAG --force",
+        "replay TEXT --format magnet-lab -o TEXT --force",
+    ],
+)
+def test_no_verb_writes_over_what_it_reads(
+    lab_text: Path, lab_mcap: str, capsys: Capture, command: str
+) -> None:
+    files = (lab_text, Path(lab_mcap))
+    before = [file.read_bytes() for file in files]
+    words = command.replace("TEXT", str(lab_text)).replace("BAG", lab_mcap).split()
+    capsys.readouterr()
+    assert lodeline(words) == 1
+    assert capsys.readouterr().err.rstrip().endswith("give another name")
+    assert [file.read_bytes() for file in files] == before
+
+
 def test_truncated_recording_is_refused_then_recovered_by_the_verb_it_names(
     lab_mcap: str, tmp_path: Path, bag: Tool, capsys: Capture
 ) -> None:
