@@ -93,6 +93,7 @@ class StatusReporter:
         self._outlets: dict[str, list[Outlet]] = {name: [] for name in nodes}
         self._inlets: dict[str, list[Inlet[Any]]] = {name: [] for name in nodes}
         self._bus = bus
+        self._kept: list[Recent] = []
         keys = {name: f"{launch.pipeline}/status/{name}" for name in nodes}
         self._puts: dict[str, Callable[[bytes], None]] = {
             name: bus.keeper(key, encoding_of(NodeStatus)) for name, key in keys.items()
@@ -112,6 +113,7 @@ class StatusReporter:
 
     def _recent(self, key: str) -> Recent:
         recent = Recent(self._bus.id)
+        self._kept.append(recent)
         self._bus.serve_told(recent_key(key), recent.answer)
         return recent
 
@@ -152,6 +154,8 @@ class StatusReporter:
             data = pack(status)
             self._puts[name](data)
             self._recents[name].keep(status, data)
+        for recent in self._kept:
+            recent.pack()
         self._seq += 1
 
     def _status(self, name: str, stamp: int, elapsed: float, cpu: float, now: float) -> NodeStatus:

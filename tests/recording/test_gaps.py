@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import msgpack
 import pytest
 
-from lodeline.recent import KEPT_BYTES, KEPT_S, Recent, numbers, recent_key
+from lodeline.recent import KEPT_BYTES, KEPT_S, NEWEST, Recent, numbers, recent_key
 from lodeline.recording.read import Recording
 from lodeline.recording.record import Recorder
 from lodeline.recording.summary import summarize
@@ -15,6 +18,8 @@ from lodeline_msgs import Imu, encoding_of, pack
 
 KEY = "rover/imu/data"
 SAMPLE_S = 0.005
+SECOND = 200
+"""Samples."""
 
 
 def sample(seq: int, start: int = 1_000_000_000_000_000_000) -> Imu:
@@ -114,10 +119,35 @@ def test_a_sender_keeps_twenty_seconds_and_no_more_than_a_megabyte() -> None:
     for seq in range(6000):
         small.keep(sample(seq), pack(sample(seq)))
         large.keep(sample(seq), bytes(1000))
+        if seq % SECOND == 0:
+            small.pack()
+            large.pack()
     everything = numbers(0, 9999, 1 << 30)
     found, kept = (msgpack.unpackb(each.answer(everything))[1] for each in (small, large))
-    assert len(found) == KEPT_S / SAMPLE_S + 1  # 15 s of a cut, and what it takes to ask
-    assert 0.99 * KEPT_BYTES < sum(map(len, kept)) <= KEPT_BYTES
+    # 15 s of a cut, and what it takes to ask; what is packed at once is forgotten at once
+    assert KEPT_S / SAMPLE_S <= len(found) <= KEPT_S / SAMPLE_S + 2 * SECOND
+    assert KEPT_BYTES - 1000 * SECOND < sum(map(len, kept)) <= KEPT_BYTES + 1000 * SECOND
+    assert found == [pack(sample(seq)) for seq in range(6000 - len(found), 6000)]
+
+
+def test_what_is_kept_takes_less_memory_than_it_has_bytes() -> None:
+    noise = Random(7)
+    messages = [
+        replace(sample(seq), linear_acceleration=(noise.random(), noise.random(), noise.random()))
+        for seq in range(4000)
+    ]
+    recent = Recent("me")
+    tracemalloc.start()
+    try:
+        for message in messages:
+            recent.keep(message, pack(message))
+            if message.seq % SECOND == SECOND - 1:
+                recent.pack()
+        held, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert held < 0.6 * len(pack(messages[0])) * len(messages)
+    assert msgpack.unpackb(recent.answer())[1] == [pack(message) for message in messages[-NEWEST:]]
 
 
 @pytest.mark.parametrize("question", [b"\xc1", b"\x93\x01", b"\x92\x01\x02", b"\x93\xa1a\x01\x02"])
