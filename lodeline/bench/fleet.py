@@ -1,24 +1,28 @@
 """What several robots cost one laptop: bytes and processor time a robot, down-sampled or not.
 
 Every robot is a machine of its own with a cable of its own to the laptop, which runs one
-`lodeline up --host laptop` for each and listens to IMU (200 Hz) and odometry (100 Hz). Needs root.
+`lodeline up --host laptop` for each and listens to IMU (200 Hz) and odometry (100 Hz). They are
+light robots, one node each, because one computer has to be them all: BUSY is how much of it was
+in use, and near 100 % the figures beside it are those of a crowd. Needs root.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import tempfile
 import time
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from statistics import mean
 from typing import Annotated
 
+from lodeline.bench import light_robot
 from lodeline.bench.machines import Machine, Wire, missing
-from lodeline.bench.pair import PIPELINE, Ear, Side
-from lodeline.loading import shipped
+from lodeline.bench.pair import Ear, Side
 from lodeline.supervisor.usage import Usage
 from lodeline.tables import table
 from lodeline.terminal.numbers import count, positive
@@ -27,19 +31,31 @@ EXIT_FAILED = 1
 DOWN_SAMPLED = "link_rate: {imu/data_raw: 20}"
 
 
+PIPELINE = """
+name: {name}
+hosts:
+  robot: {{listen: {address}}}
+  laptop: {{connect: {address}}}
+{more}
+nodes:
+  robot: {{run: {program}, outputs: {{data_raw: imu/data_raw, odom: odom}}}}
+"""
+
+
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What one robot costs the laptop, measured over some seconds. `cpu` and `rss` are of the
-    laptop's supervisor process for that robot, which holds its routers; `imu` and `odom` are the
-    samples that came.
+    """What each of so many robots costs the laptop, on average over some seconds. `cpu` and `rss`
+    are of the laptop's supervisor process for a robot, which holds its routers; `imu` and `odom`
+    are the samples that came, of the robot of which fewest did; `busy` is a part of this computer.
     """
 
-    robot: str
+    robots: int
     bandwidth: Annotated[float, "B/s"]
     cpu: Annotated[float, "1"]
-    rss: Annotated[int, "B"]
+    rss: Annotated[float, "B"]
     imu: Annotated[float, "Hz"]
     odom: Annotated[float, "Hz"]
+    busy: Annotated[float, "1"]
 
 
 class Fleet:
@@ -69,10 +85,9 @@ class Fleet:
             place = folder / name
             place.mkdir()
             file = place / "pipeline.yaml"
-            text = PIPELINE.format(
-                name=name, address=wire.addresses[0], nodes=shipped("nodes"), more=more
-            )
-            file.write_text(text)
+            program = Path(light_robot.__file__)
+            address = wire.addresses[0]
+            file.write_text(PIPELINE.format(name=name, address=address, program=program, more=more))
             robot = Side(machine, file, "robot", place)
             self._stack.callback(robot.stop)
             self.sides[name] = side = Side(self.laptop, file, "laptop", place)
@@ -93,22 +108,31 @@ class Fleet:
                 raise TimeoutError(f"a robot is not heard:\n{logs}")
             time.sleep(0.05)
 
-    def costs(self, seconds: float) -> list[Cost]:
+    def cost(self, seconds: float) -> Cost:
         """Measure for so long."""
         usages = {name: Usage() for name in self.sides}
-        begin, bytes_before = time.monotonic(), self._bytes()
+        begin, bytes_before, idle_before = time.monotonic(), self._bytes(), _idle()
         for name, usage in usages.items():
             usage.sample(self.sides[name].process.pid, begin)
         time.sleep(seconds)
-        end, bytes_after = time.monotonic(), self._bytes()
-        found = []
-        for number, (name, usage) in enumerate(usages.items(), 1):
+        end, bytes_after, idle_after = time.monotonic(), self._bytes(), _idle()
+        elapsed = end - begin
+        for name, usage in usages.items():
             usage.sample(self.sides[name].process.pid, end)
-            imu, odom = (ear.between(begin, end).received for ear in self.ears[name])
-            device, elapsed = f"w{number}b", end - begin
-            sent = (bytes_after[device] - bytes_before[device]) / elapsed
-            found.append(Cost(name, sent, usage.cpu, usage.rss, imu / elapsed, odom / elapsed))
-        return found
+        imu, odom = (
+            min(ears[place].between(begin, end).received for ears in self.ears.values()) / elapsed
+            for place in (0, 1)
+        )
+        cables = [f"w{number}b" for number in range(1, len(self.sides) + 1)]
+        return Cost(
+            robots=len(self.sides),
+            bandwidth=mean(bytes_after[each] - bytes_before[each] for each in cables) / elapsed,
+            cpu=mean(usage.cpu for usage in usages.values()),
+            rss=mean(usage.rss for usage in usages.values()),
+            imu=imu,
+            odom=odom,
+            busy=1.0 - (idle_after - idle_before) / elapsed / (os.cpu_count() or 1),
+        )
 
     def _bytes(self) -> dict[str, int]:
         """Bytes received and sent on each of the laptop's cables."""
@@ -123,6 +147,11 @@ class Fleet:
         self._stack.close()
 
 
+def _idle() -> float:
+    """Seconds for which the processors of this computer had nothing to do, all added up."""
+    return float(Path("/proc/uptime").read_text(encoding="ascii").split()[1])
+
+
 def main(argv: list[str]) -> int:
     """Run `lodeline bench fleet`; the exit code."""
     arguments = parser().parse_args(argv)
@@ -131,9 +160,10 @@ def main(argv: list[str]) -> int:
         return EXIT_FAILED
     found: dict[str, list[Cost]] = {}
     for title, more in (("every sample", ""), (DOWN_SAMPLED, DOWN_SAMPLED)):
-        with Fleet(arguments.robots, more) as fleet:
-            fleet.wait()
-            found[title] = fleet.costs(arguments.seconds)
+        for robots in arguments.robots:
+            with Fleet(robots, more) as fleet:
+                fleet.wait()
+                found.setdefault(title, []).append(fleet.cost(arguments.seconds))
     if arguments.json:
         print(json.dumps({name: [asdict(cost) for cost in costs] for name, costs in found.items()}))
     else:
@@ -144,7 +174,8 @@ def main(argv: list[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """What `lodeline bench fleet` takes."""
     parser = argparse.ArgumentParser(prog="lodeline bench fleet", description=__doc__)
-    parser.add_argument("--robots", type=count, default=3, help="how many (default: 3)")
+    counts = [1, 4, 8]
+    parser.add_argument("--robots", type=count, nargs="+", default=counts, metavar="N")
     parser.add_argument("--seconds", type=positive, default=8.0, help="how long (default: 8)")
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     return parser
@@ -154,15 +185,15 @@ def _shown(found: dict[str, list[Cost]]) -> str:
     cells = [
         (
             title,
-            cost.robot,
+            str(cost.robots),
             *(f"{cost.bandwidth / 1e3:.1f}", f"{cost.cpu:.1%}", f"{cost.rss / 2**20:.0f} MB"),
-            *(f"{cost.imu:.0f}", f"{cost.odom:.0f}"),
+            *(f"{cost.imu:.0f}", f"{cost.odom:.0f}", f"{cost.busy:.0%}"),
         )
         for title, costs in found.items()
         for cost in costs
     ]
-    headings = ("LINK", "ROBOT", "KB/S", "LAPTOP CPU", "RSS", "IMU HZ", "ODOM HZ")
-    return table(headings, cells, right=headings[2:])
+    headings = ("LINK", "ROBOTS", "KB/S EACH", "LAPTOP CPU", "RSS", "IMU HZ", "ODOM HZ", "BUSY")
+    return table(headings, cells, right=headings[1:])
 
 
 if __name__ == "__main__":

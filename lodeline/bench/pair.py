@@ -167,12 +167,12 @@ class Side:
             self.process.wait(PATIENCE_S)
 
 
-def make_keys(folder: Path, address: str) -> None:
-    """An authority, and keys for the robot at an address and for its laptop."""
+def make_keys(folder: Path, *addresses: str) -> None:
+    """An authority, and keys for the robot at some addresses and for its laptop."""
     from lodeline.hosts import certificates
 
     certificates.init(folder)
-    certificates.add(folder, "robot", [address])
+    certificates.add(folder, "robot", addresses)
     certificates.add(folder, "laptop")
 
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from collections.abc import Iterator
-from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
+import lodeline_msgs
 from lodeline.bus import Client
-from lodeline.hosts.share import Share, differences
 from lodeline.watch import Watch
-from lodeline_msgs import NodeStatus, unpack
+from lodeline_msgs import NodeStatus, WheelTicks, unpack
 from tests.hosts.net import Host, Net, two_machines
 from tests.support.live import eventually
 
@@ -95,13 +97,56 @@ def test_another_message_class_on_the_other_side_is_named(net: Net) -> None:
         assert eventually(lambda: laptop.says("MISMATCH rover/speed is Twist on robot"), 5.0)
 
 
-def test_a_class_with_other_fields_is_named() -> None:
-    ours = Share(
-        *("rover", "robot", "1", "bench", 1, 0.0, "", "abc", ()),
-        classes={"rover/imu": "Imu"},
-        forms={"Imu": "0123"},
-        params={},
-    )
-    assert differences(ours, replace(ours, host="laptop")) == []
-    theirs = replace(ours, host="laptop", forms={"Imu": "4567"})
-    assert differences(ours, theirs) == ["Imu has other fields on laptop than on robot"]
+def test_a_class_with_a_new_field_is_named_and_read_unless_old_samples_lack_it(
+    net: Net, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The laptop has newer messages: a field that may be missing, and one that may not."""
+    newer = tmp_path / "lodeline_msgs"
+    shutil.copytree(Path(lodeline_msgs.__file__).parent, newer)
+    for module, before, field in (
+        ("control.py", "    w: Annotated", '    z: Annotated[float, Unit("m", "height")] = 0.0\n'),
+        ("sensors.py", "    right: Annotated[int", '    rear: Annotated[int, Unit("tick")]\n'),
+    ):
+        text = (newer / module).read_text()
+        head, found, tail = text.partition(before)
+        line, end, rest = tail.partition("\n")
+        assert found
+        (newer / module).write_text(f"{head}{found}{line}{end}{field}{rest}")
+    file = net.file()
+    with Host(net.robot, file, "robot") as robot:
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+        with Host(net.laptop, file, "laptop") as laptop:
+            for name in ("Twist", "WheelTicks"):
+                for host, other in ((robot, "laptop"), (laptop, "robot")):
+                    named = f"MISMATCH {name} has other fields on {other} than on {host.name}"
+                    assert eventually(lambda: host.says(named), 10.0), named  # noqa: B023
+            assert eventually(lambda: laptop.received("watcher", "speed") > 50, 10.0, 0.2)
+            record = ("bag", "record", "wheels", "-o", str(tmp_path / "none.mcap"))
+            refused = laptop.call(*record, "--seconds", "1")
+            assert "REFUSED wheels: " in refused.stderr and "rear" in refused.stderr
+
+
+def test_a_sample_of_200_kb_crosses_the_link_and_one_of_megabytes_stops_nothing(
+    joined: tuple[Host, Host],
+) -> None:
+    robot, laptop = joined
+    sizes: list[int] = []
+    wheels: list[tuple[float, int]] = []
+
+    def take(_key: str, data: bytes, _encoding: str) -> None:
+        wheels.append((time.monotonic(), unpack(data, WheelTicks).seq))
+
+    with Watch(laptop.running) as there, Watch(robot.running) as here:
+        there.subscribe("rover/cmd_vel", 64, lambda _key, data, _: sizes.append(len(data)))
+        there.subscribe("rover/wheels", 4096, take)
+        assert eventually(lambda: len(wheels) > 20, 5.0)
+        publisher = here.publisher("rover/cmd_vel", "")
+        assert eventually(lambda: publisher.watched, 5.0)
+        for size in (3_000_000, 200_000, 1_100_000, 200_001):
+            publisher.put(bytes(size))
+        assert eventually(lambda: 200_001 in sizes, 5.0)
+        count = len(wheels)
+        assert eventually(lambda: len(wheels) > count + 50, 5.0)
+    assert sizes == [200_000, 200_001]
+    assert all(after == before + 1 for (_, before), (_, after) in pairwise(wheels))
+    assert laptop.linked("robot")

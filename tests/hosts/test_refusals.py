@@ -64,18 +64,14 @@ def heard(folder: Path, port: int, tls: Sequence[bool], count: int) -> set[str]:
 
 
 @pytest.fixture
-def sides(tmp_path: Path) -> Path:
+def sides(keys: Path) -> Path:
     """A folder of keys for either side, of one authority."""
-    pytest.importorskip("cryptography")
-    keys = tmp_path / "robot"
-    certificates.init(keys)
-    certificates.add(keys, "robot", ["127.0.0.1"])
-    certificates.add(keys, "laptop")
-    laptop = tmp_path / "laptop"
+    laptop = keys.with_name("laptop")
     laptop.mkdir()
     for name in ("ca.pem", "laptop.pem", "laptop.key"):
         (laptop / name).write_bytes((keys / name).read_bytes())
-    return tmp_path
+    keys.rename(keys.with_name("robot"))
+    return keys.parent
 
 
 def test_an_expired_certificate_is_named_on_both_sides(sides: Path, port: int) -> None:

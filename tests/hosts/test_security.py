@@ -14,6 +14,7 @@ import pytest
 from lodeline.bus import Client
 from lodeline.hosts import certificates
 from lodeline.hosts.certificates import KeysError
+from tests.dash.support import Dash, Reader, with_reader
 from tests.hosts.net import Host, Net
 from tests.support.live import eventually
 
@@ -46,24 +47,14 @@ session.close()
 """
 
 
-@pytest.fixture
-def keys(tmp_path: Path) -> Path:
-    pytest.importorskip("cryptography")
-    folder = tmp_path / "keys"
-    certificates.init(folder)
-    certificates.add(folder, "robot", ["10.213.1.1"])
-    certificates.add(folder, "laptop")
-    return folder
-
-
-def stranger(net: Net, keys: Path | None, name: str, *puts: str) -> str:
+def stranger(net: Net, keys: Path | None, name: str, *puts: str, **more: object) -> str:
     """What became of one who connects from the laptop's machine and sends on some keys."""
     settings: dict[str, object] = {
         "mode": "client",
         "scouting/multicast/enabled": False,
         "connect/timeout_ms": 2000,
         "connect/endpoints": [f"{'tls' if keys else 'tcp'}/{net.address}:7447"],
-    }
+    } | more
     if keys:
         settings["transport/link/tls"] = {
             "root_ca_certificate": str(keys / "ca.pem"),
@@ -91,6 +82,16 @@ def test_over_tls_all_is_as_without(net: Net, keys: Path) -> None:
         refused = laptop.call("topic", "pub", "cmd_vel", "{v: 0.1}")
         assert refused.returncode == 1
         assert "write `grant: [cmd_vel]` for laptop" in refused.stderr
+        page = Dash(laptop)
+
+        async def drives(reader: Reader) -> str:
+            await reader.hear("frame")
+            await reader.say(do="drive", forward=1.0, left=0.0)
+            return str((await reader.hear("note"))["text"])
+
+        said = with_reader(page.port, drives, page.token)
+        page.stop()
+        assert "may not send cmd_vel over tls: write `grant: [cmd_vel]` for laptop" in said
 
 
 def test_strangers_do_not_link_and_hosts_say_only_what_is_theirs(
@@ -120,7 +121,15 @@ def test_strangers_do_not_link_and_hosts_say_only_what_is_theirs(
         assert tablet == "0"  # in the fleet, but no host of this pipeline: it hears nothing
         assert forged == set()
         own = "rover/status/watcher"
-        assert int(stranger(net, keys, "laptop", own, *keys_of_others)) > 50
+        # A laptop that was made a bridge: one without a certificate sends through it.
+        port = f"tcp/{net.wire.addresses[1]}:7448"
+        bridge: dict[str, object] = {"mode": "router", "listen/endpoints": [port]}
+        guest: dict[str, object] = {"connect/endpoints": [port], "connect/timeout_ms": -1}
+        with ThreadPoolExecutor() as both:
+            bridged = both.submit(stranger, net, keys, "laptop", own, *keys_of_others, **bridge)
+            through = both.submit(stranger, net, None, "", *keys_of_others, **guest)
+        assert int(bridged.result()) > 50
+        assert int(through.result()) > 20  # what the laptop may hear, its guests hear
         assert forged == {own}
         client.close()
 
