@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lodeline.plotting.palette import colour_of
@@ -21,7 +22,7 @@ AXES = 0.08  # m
 class RerunCanvas:
     """`where`: nothing opens the viewer, `rerun+http://...` is one that runs, else a new file.
 
-    NoViewerError if the SDK is missing or its viewer does not start.
+    NoViewerError if the SDK is missing, its viewer does not start, or there is such a file already.
     """
 
     def __init__(self, name: str, where: str) -> None:
@@ -31,6 +32,8 @@ class RerunCanvas:
             raise NoViewerError(
                 "Rerun's SDK is not installed: pip install 'lodeline[viz]' (it takes 0.7 GB)"
             ) from None
+        if where and "://" not in where and Path(where).exists():
+            raise NoViewerError(f"{where} exists already: give another name")
         from numpy import datetime64
 
         self._rr, self._datetime64 = rerun, datetime64

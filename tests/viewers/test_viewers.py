@@ -107,6 +107,9 @@ def test_rerun_shows_what_zenoh_carried(up: Up, ear: Ear, tmp_path: Path) -> Non
     assert len(ellipse) == 49
     assert ellipse[0] == pytest.approx(ellipse[-1])
     assert "/map/base_link" in found
+    again = dash(up, "--rerun", str(file))
+    _, err = again.communicate(timeout=20.0)
+    assert (again.returncode, err) == (1, f"{file} exists already: give another name\n")
 
 
 def _alone(ear: Ear, stamp: int) -> bool:
