@@ -9,6 +9,7 @@ GAP_PERIODS = 3  # and a driver that reads this slowly anyway has no gap
 DISTRUST = 5  # readings that do not fit and are refused, before the counter gives way
 SLACK = 16  # counts that noise may add to a step
 SPEED_BASE = 0.02  # s, so that a count of noise is no speed
+AFTER_GAP = 0.015  # s, so that a reading that is some ms late on a busy machine is no speed
 
 
 class Counter:
@@ -16,9 +17,9 @@ class Counter:
 
     A gap of up to 1 s is bridged with the mean of the speeds seen before and after it, so that a
     wheel may turn on by more than half a turn while the bus is silent: the first reading after it
-    waits for the next. Longer ones cannot be bridged, nor those over which the speed changed so
-    much that a whole turn may hide in them. A step that no wheel makes is refused; if the angle
-    stays there, the count starts anew. `why` tells why it last did.
+    waits for one that tells the speed. Longer ones cannot be bridged, nor those over which the
+    speed changed so much that a whole turn may hide in them. A step that no wheel makes is refused;
+    if the angle stays there, the count starts anew. `why` tells why it last did.
     """
 
     def __init__(self, max_speed: float = float("inf")) -> None:
@@ -38,7 +39,7 @@ class Counter:
 
     @property
     def waiting(self) -> bool:
-        """Whether the last reading came after a gap and is counted with the next one."""
+        """Whether the last reading came after a gap and is counted with a later one."""
         return self._ashore is not None
 
     def update(self, now_s: float, angle: int) -> bool:
@@ -63,7 +64,7 @@ class Counter:
     def _bridge(self, then_s: float, seen: int, now_s: float, angle: int) -> bool:
         """Count over the gap before `seen` [counts] at `then_s` [s], and on from there to now."""
         dt = now_s - then_s
-        if dt <= 0.0:
+        if dt < AFTER_GAP:
             return True
         self._ashore = None
         before, after = self._speed, _shortest(angle - seen) / dt

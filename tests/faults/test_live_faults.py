@@ -59,6 +59,11 @@ nodes:
     outputs: {{back: slow}}
     params: {{pause: 0.05}}
   stuck: {{run: {NODES}/stuck.py, inputs: {{wheels: wheels}}, outputs: {{back: stuck}}}}
+  waits:
+    run: {NODES}/stuck.py
+    inputs: {{wheels: wheels}}
+    outputs: {{back: waits}}
+    params: {{ever: wait}}
   sulky:
     run: {NODES}/sulky.py
     outputs: {{wheels: sulky}}
@@ -117,15 +122,18 @@ def test_a_missing_library_is_named_and_its_node_given_up_while_the_others_go_on
     assert eventually(lambda: rig.up.ps()["unfounded"]["state"] == "failed")
     processes = rig.up.ps()
     restarted = {name for name, process in processes.items() if process["restarts"]}
-    assert restarted - {"sulky", "stuck"} == {"unfounded"}
+    assert restarted - {"sulky", "stuck", "waits"} == {"unfounded"}
 
 
-def test_a_handler_that_holds_the_interpreter_is_aborted_with_its_stack(rig: Rig) -> None:
-    assert eventually(lambda: rig.up.says("NODE_SILENT stuck for 2 s: aborted"), 20.0)
-    assert eventually(lambda: rig.up.says("NODE_EXIT stuck: SIGABRT, restart 1"))
-    assert eventually(lambda: rig.up.says("in on_wheels"))
-    assert eventually(lambda: rig.status("stuck").restarts == 1)
-    assert eventually(lambda: rig.status("stuck").received["faulty/wheels"] > ENOUGH)
+@pytest.mark.parametrize("node", ["stuck", "waits"])
+def test_a_handler_that_never_returns_is_aborted_with_its_stack(rig: Rig, node: str) -> None:
+    """`stuck` holds the interpreter, `waits` waits for a lock that it holds itself."""
+    assert eventually(lambda: rig.up.says(f"NODE_SILENT {node} for 2 s: aborted"), 20.0)
+    assert eventually(lambda: rig.up.says(f"NODE_EXIT {node}: SIGABRT, restart 1"))
+    stack = re.compile(rf" {node} +\| .* in on_wheels")
+    assert eventually(lambda: any(map(stack.search, list(rig.up.log))))
+    assert eventually(lambda: rig.status(node).restarts == 1)
+    assert eventually(lambda: rig.status(node).received["faulty/wheels"] > ENOUGH)
 
 
 def test_who_beats_but_sends_nothing_is_started_again_where_the_file_says_so(rig: Rig) -> None:

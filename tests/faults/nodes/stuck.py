@@ -1,9 +1,11 @@
-"""A node whose handler holds the interpreter for ever, once: none of its threads runs any more."""
+"""A node whose handler never returns, once: it holds the interpreter, or waits for its own lock."""
 
 from __future__ import annotations
 
 import ctypes
+import threading
 from dataclasses import dataclass
+from typing import Literal
 
 from lodeline.node import Input, Node, Output
 from lodeline_msgs import WheelTicks
@@ -14,7 +16,9 @@ FOR_EVER_S = 600
 
 @dataclass(frozen=True, slots=True)
 class StuckParams:
-    """It has none."""
+    """What it does for ever: `hold` the interpreter, so that no thread runs, or `wait`."""
+
+    ever: Literal["hold", "wait"] = "hold"
 
 
 class Stuck(Node[StuckParams]):
@@ -24,7 +28,8 @@ class Stuck(Node[StuckParams]):
     back = Output(WheelTicks)
 
     def setup(self) -> None:
-        self.mark = self.context.run_folder / "stuck"
+        self.lock = threading.Lock()
+        self.mark = self.context.run_folder / self.context.name
         self.better = self.mark.exists()
         self.count = 0
 
@@ -33,7 +38,10 @@ class Stuck(Node[StuckParams]):
         self.count += 1
         if self.count > ENOUGH and not self.better:
             self.mark.touch()
-            ctypes.PyDLL(None).sleep(FOR_EVER_S)
+            if self.params.ever == "hold":
+                ctypes.PyDLL(None).sleep(FOR_EVER_S)
+            with self.lock, self.lock:
+                pass
         self.back.send(WheelTicks(sample.stamp, sample.left, sample.right))
 
 
