@@ -95,7 +95,7 @@ class History(Generic[B]):
         if kind and stamp_ns > newest.stamp_ns:  # nothing is believed there until the next motion
             self._crowd_out()
             return "waiting"
-        while i > 0 and self._between(nodes[i - 1]):  # its way is split anew
+        while not kind and i > 0 and self._between(nodes[i - 1]):  # its way is split anew
             i -= 1
         self._replay(i)
         self._settle()
@@ -110,44 +110,39 @@ class History(Generic[B]):
         return motion is None or motion.stamp_ns < node.sample.stamp_ns
 
     def _replay(self, i: int) -> None:
-        mark, keys, nodes = self._base, self._keys, self._nodes
-        if i > 0:
-            before = nodes[i - 1].after
-            assert before is not None  # else the replay would have begun before it
-            mark = before
-        step, count, coming = self._step, len(nodes), -1
+        """Believes anew what sample `i` and all that come after it lead to."""
+        keys, nodes, advance, observe = self._keys, self._nodes, self._advance, self._observe
+        mark = self._base if i == 0 else nodes[i - 1].after
+        assert mark is not None  # else the replay would have begun before it
+        from_ns, before, belief = mark
         to: Motion | None = None
-        for j in range(i, count):
-            if coming < j:
-                coming = j
-                while coming < count and keys[coming][1] > 0:
-                    coming += 1
-                sample = nodes[coming].sample if coming < count else None
-                assert sample is None or isinstance(sample, Motion)
-                to = sample
-            node = nodes[j]
-            node.after = after = step(mark, node.sample, to)
-            if after is not None:
-                mark = after
+        for j in range(i, len(nodes)):
+            node, stamp_ns = nodes[j], keys[j][0]
+            sample = node.sample
+            if before is not None and stamp_ns > from_ns:
+                since = before.stamp_ns
+                if to is None or to is before:
+                    to = self._coming(j)
+                    if to is None:
+                        break  # from here on all wait
+                way = to.stamp_ns - since
+                begin, end = (from_ns - since) / way, (stamp_ns - since) / way
+                belief = advance(belief, before, to, begin, end)
+            if isinstance(sample, Motion):
+                before = sample
+            elif before is not None:
+                belief = observe(belief, sample)
+            from_ns = stamp_ns
+            node.after = mark = Mark(stamp_ns, before, belief)
         self._newest = mark
 
-    def _step(self, mark: Mark[B], sample: Sample, to: Motion | None) -> Mark[B] | None:
-        """`to`: the next motion at or after the sample."""
-        from_ns, before, belief = mark
-        stamp_ns = sample.stamp_ns
-        if before is None:
-            motion = sample if isinstance(sample, Motion) else None
-            return Mark(stamp_ns, motion, belief)
-        if stamp_ns > from_ns:
-            if to is None:
-                return None
-            since = before.stamp_ns
-            way = to.stamp_ns - since
-            begin, end = (from_ns - since) / way, (stamp_ns - since) / way
-            belief = self._advance(belief, before, to, begin, end)
-        if isinstance(sample, Motion):
-            return Mark(stamp_ns, sample, belief)
-        return Mark(stamp_ns, before, self._observe(belief, sample))
+    def _coming(self, j: int) -> Motion | None:
+        """The next motion from sample `j` on."""
+        for k in range(j, len(self._nodes)):
+            sample = self._nodes[k].sample
+            if isinstance(sample, Motion):
+                return sample
+        return None
 
     def _settle(self) -> None:
         """What is older than the span comes too late from now on, and is dropped sometime."""
