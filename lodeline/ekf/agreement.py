@@ -5,9 +5,10 @@ that the gyro does not see. The difference is summed with a memory of `MEMORY` a
 what noise may make of it.
 """
 
-import math
+from math import exp
 from typing import NamedTuple
 
+from lodeline.ekf.belief import made
 from lodeline.ekf.engine import Noise
 
 MEMORY = 2.0  # s
@@ -24,11 +25,13 @@ class Agreement(NamedTuple):
 
     def after(self, off: float, variance: float, seconds: float) -> "Agreement":
         """A step on, over which gyro and wheels differ by `off`, with the variance of that."""
-        keep = math.exp(-seconds / MEMORY)
-        difference = keep * self.difference + off
-        total = keep * keep * self.variance + variance
-        limit = CALM if self.doubted else ALARM
-        return Agreement(difference, total, difference * difference > limit * limit * total)
+        keep = exp(-seconds / MEMORY)
+        difference, total, doubted = self
+        difference = keep * difference + off
+        total = keep * keep * total + variance
+        limit = CALM if doubted else ALARM
+        doubted = difference * difference > limit * limit * total
+        return made(Agreement, (difference, total, doubted))
 
 
 def doubting(noise: Noise, off: float, agreement: Agreement, seconds: float, track: float) -> Noise:

@@ -45,6 +45,12 @@ def twist(delta: Delta) -> Delta:
     return Delta((a * ahead + b * left) / norm, (a * left - b * ahead) / norm, turn)
 
 
+def length(twist: Delta) -> float:
+    """Length [m] of the arc at constant `twist`, negative when it goes back."""
+    ahead, left, _ = twist
+    return math.copysign(math.hypot(ahead, left), ahead)
+
+
 def part(twist: Delta, share: float) -> Delta:
     """A `share` (0 to 1) of a motion at constant `twist`; such parts compose to the whole again.
 
@@ -60,8 +66,14 @@ def part(twist: Delta, share: float) -> Delta:
 
 def arc(way: float, turn: float) -> Delta:
     """The motion of `way` [m] along an arc that turns by `turn` [rad]."""
-    chord = way * (math.sin(0.5 * turn) / (0.5 * turn) if abs(turn) > 1e-9 else 1.0)
-    return Delta(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), turn)
+    straight = chord(way, turn)
+    return Delta(straight * math.cos(0.5 * turn), straight * math.sin(0.5 * turn), turn)
+
+
+def chord(way: float, turn: float) -> float:
+    """How far apart [m] the ends of a `way` [m] are that turns by `turn` [rad]."""
+    half = 0.5 * turn
+    return way * math.sin(half) / half if abs(half) > 5e-10 else way
 
 
 def _versine(angle: float) -> float:

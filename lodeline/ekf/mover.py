@@ -1,12 +1,13 @@
 """What a motion does to the track: the prediction of the EKF, by wheels and gyro together."""
 
-import math
+from math import hypot
 from typing import NamedTuple
 
 from lodeline.ekf.agreement import doubting
+from lodeline.ekf.belief import made
 from lodeline.ekf.engine import Engine, Noise
 from lodeline.ekf.mixture import Hypothesis, Mixture
-from lodeline.ekf.motion import Delta, Pace, arc, part, relative, twist
+from lodeline.ekf.motion import Delta, Pace, arc, chord, length, part, relative, twist
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.reeds import BarMemory
 from lodeline.ekf.samples import Motion
@@ -19,18 +20,17 @@ COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as 
 class Way(NamedTuple):
     """From one odometry pose to the next, for all its parts: they take a share of it each.
 
-    `jumped`: nobody measured it. The noise is that of `worst` of the two samples, `interval` is of
-    the one at the end.
+    `length` [m] is that of its arc, negative when it goes back. `jumped`: nobody measured it.
     """
 
     gap_ns: int
     seconds: float
     delta: Delta
     twist: Delta
+    length: float
     pace: Pace
     jumped: bool
-    interval: float
-    worst: Motion
+    noise: Noise
 
 
 class Mover:
@@ -38,6 +38,7 @@ class Mover:
 
     def __init__(self, engine: Engine, params: LocalizerParams) -> None:
         self._engine, self._params = engine, params
+        self._gyro_noise, self._wander = params.gyro_noise**2, params.wander[1] ** 2
         self._last: tuple[Motion, Motion, Way] | None = None
 
     def advance(
@@ -50,23 +51,24 @@ class Mover:
         else:
             way = self._way(before, after)
             self._last = before, after, way
-        params, share = self._params, end - begin
-        seconds, turning = way.seconds * share, track.turning
+        share, turning = end - begin, track.turning
+        seconds = way.seconds * share
         gyro = turning.over(
-            before.stamp_ns + begin * way.gap_ns, seconds, params.gyro_noise, params.wander[1]
+            before.stamp_ns + begin * way.gap_ns, seconds, self._gyro_noise, self._wander
         )
         if way.jumped:
             track = self.lost(track, seconds, share, gyro)
             return track._replace(pace=track.pace._replace(unmeasured=end < 1.0))
-        delta = part(way.twist, share) if share < 1.0 else way.delta
-        noise = self._noise(way, share)
+        ss, st, tt, position, heading = way.noise  # white in time: a share of it for a share of it
+        noise = made(Noise, (share * ss, share * st, share * tt, share * position, share * heading))
         if gyro is None:
+            delta = part(way.twist, share) if share < 1.0 else way.delta
             bend = share * self._bend(way.pace, way.seconds)
             noise = noise._replace(position=noise.position + bend)
         else:
-            turning, delta, noise = self._with_gyro(turning, delta, noise, gyro, seconds)
+            turning, delta, noise = self._with_gyro(turning, way, share, noise, gyro)
         ahead, left, turn = delta
-        bar = track.bar.moved(math.hypot(ahead, left + params.bar_x * turn), ahead)
+        bar = track.bar.moved(hypot(ahead, left + self._params.bar_x * turn), ahead)
         return track.moved(self._predicted(track, delta, noise), way.pace, turning, bar)
 
     def lost(
@@ -97,44 +99,51 @@ class Mover:
 
     def _predicted(self, track: Track, delta: Delta, noise: Noise) -> Mixture:
         """Every hypothesis after the same step."""
-        predict = self._engine.predict
-        return tuple([Hypothesis(w, predict(belief, delta, noise)) for w, belief in track.mixture])
+        predict, mixture = self._engine.predict, track.mixture
+        if len(mixture) == 1:
+            ((weight, belief),) = mixture
+            return (made(Hypothesis, (weight, predict(belief, delta, noise))),)
+        return tuple([Hypothesis(w, predict(belief, delta, noise)) for w, belief in mixture])
 
     def _way(self, before: Motion, after: Motion) -> Way:
         gap_ns = after.stamp_ns - before.stamp_ns
         seconds = gap_ns * 1e-9
         delta = relative(before.x, before.y, before.yaw, after.x, after.y, after.yaw)
+        ahead, left, turn = delta
         jumped = after.resets != before.resets or (
-            math.hypot(delta.ahead, delta.left) > self._params.max_speed * seconds
+            hypot(ahead, left) > self._params.max_speed * seconds
         )
-        pace, worst = Pace(delta.ahead / seconds, delta.turn / seconds), after
+        pace, noise = Pace(ahead / seconds, turn / seconds), self._noise(before, after, seconds)
+        whole = twist(delta)
+        return Way(gap_ns, seconds, delta, whole, length(whole), pace, jumped, noise)
+
+    def _with_gyro(
+        self, turning: Turning, way: Way, share: float, noise: Noise, turn: Turn
+    ) -> tuple[Turning, Delta, Noise]:
+        """A share as wheels and gyro see it together; where they differ too much, the gyro."""
+        rate, stamp_ns, spiked, before = turning
+        wheels, seconds = share * way.twist[2], share * way.seconds
+        angle, variance = turn
+        off = angle - wheels
+        agreement = before.after(off, noise[2] + variance, seconds)
+        if before[2] or agreement[2]:
+            noise = doubting(noise, off, agreement, seconds, self._params.track)
+        delta, noise = fused(chord(share * way.length, wheels), wheels, noise, turn)
+        return made(Turning, (rate, stamp_ns, spiked, agreement)), delta, noise
+
+    def _noise(self, before: Motion, after: Motion, seconds: float) -> Noise:
+        """Q of the lab in one of its two forms, for the way between two samples."""
+        if self._params.process_noise == "alpha":
+            steps = seconds / after.interval if after.interval > 0.0 else 1.0
+            position, heading = self._params.alpha_sigma
+            return Noise(0.0, 0.0, 0.0, steps * position**2, steps * heading**2)
+        worst = after
         if after.interval < 0.99 * seconds:
             # samples in between were lost: it may have come to rest only in the last of them
             worst = max(after, before, key=lambda each: each.interval * each.twist_covariance[3])
-        return Way(gap_ns, seconds, delta, twist(delta), pace, jumped, after.interval, worst)
-
-    def _with_gyro(
-        self, turning: Turning, delta: Delta, noise: Noise, turn: Turn, seconds: float
-    ) -> tuple[Turning, Delta, Noise]:
-        """The step as wheels and gyro see it together; where they differ too much, the gyro."""
-        before, off = turning.agreement, turn.angle - delta.turn
-        agreement = before.after(off, noise.tt + turn.variance, seconds)
-        if before.doubted or agreement.doubted:
-            noise = doubting(noise, off, agreement, seconds, self._params.track)
-        delta, noise = fused(delta, noise, turn)
-        rate, stamp_ns, spiked, _ = turning
-        return Turning(rate, stamp_ns, spiked, agreement), delta, noise
-
-    def _noise(self, way: Way, share: float) -> Noise:
-        """Q of the lab in one of its two forms, for a `share` of the way between two samples."""
-        seconds = share * 1e-9 * way.gap_ns
-        if self._params.process_noise == "alpha":
-            steps = seconds / way.interval if way.interval > 0.0 else 1.0
-            position, heading = self._params.alpha_sigma
-            return Noise(0.0, 0.0, 0.0, steps * position**2, steps * heading**2)
         # white in time: what the twist's covariance is worth over `interval`, for `seconds`
-        vv, vw, _, ww = way.worst.twist_covariance
-        scale = way.worst.interval * seconds
+        vv, vw, _, ww = worst.twist_covariance
+        scale = worst.interval * seconds
         return Noise(scale * vv, scale * vw, scale * ww)
 
     def _bend(self, pace: Pace, seconds: float) -> float:

@@ -14,6 +14,8 @@ first reading of a magnet is then worth the passage as a whole, and the others o
 
 from typing import NamedTuple
 
+from lodeline.ekf.belief import made
+
 UNKNOWN_WAY = 1e3  # m: the bar may have come from anywhere
 SAME_MAGNET = 0.011  # m: magnets are farther apart than a sight moves within a passage
 STUCK = 2.0  # passages: a reed that stays closed for longer has no magnet under it
@@ -57,7 +59,8 @@ class BarMemory(NamedTuple):
 
     def moved(self, way: float, step: float) -> "BarMemory":
         """After the bar moved by `way` [m], of which `step` along x."""
-        return BarMemory(self.contacts, self.way + way, self.step + step)
+        contacts, before, step_before = self
+        return made(BarMemory, (contacts, before + way, step_before + step))
 
 
 class ReedModel(NamedTuple):

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from lodeline.ekf.belief import Belief
+from lodeline.ekf.belief import Belief, made
 from lodeline.ekf.learned import Learned
 from lodeline.ekf.lift import LEVEL, Lift
 from lodeline.ekf.mixture import Hypothesis, Mixture
@@ -45,7 +45,8 @@ class Track(NamedTuple):
     def moved(self, mixture: Mixture, pace: Pace, turning: Turning, bar: BarMemory) -> "Track":
         """After a motion: the hypotheses, and what moved along with them."""
         _, _, _, _, lift, trust, compass_ns, wide, learned = self
-        return Track(mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned)
+        parts = mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned
+        return made(Track, parts)
 
     def each(self, change: Callable[[Belief], Belief]) -> "Track":
         """The same change to every hypothesis."""

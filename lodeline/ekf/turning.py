@@ -1,9 +1,10 @@
 """The turn of a step by gyro and wheels together."""
 
-import math
+from math import cos, sin
 from typing import NamedTuple
 
 from lodeline.ekf.agreement import Agreement
+from lodeline.ekf.belief import made
 from lodeline.ekf.engine import Noise
 from lodeline.ekf.motion import Delta
 
@@ -31,25 +32,27 @@ class Turning(NamedTuple):
 
     def after(self, rate: float, stamp_ns: int) -> "Turning":
         """With one reading more, which is taken unless it is a lone spike."""
-        if self.stamp_ns is not None and not self.spiked:
-            age_ns = stamp_ns - self.stamp_ns
-            jump = abs(rate - self.rate)
-            if age_ns <= RATE_LIFE_NS and jump > max(SPIKE, SWING * 1e-9 * age_ns):
+        last, last_ns, spiked, agreement = self
+        if last_ns is not None and not spiked and abs(rate - last) > SPIKE:
+            age_ns = stamp_ns - last_ns
+            if age_ns <= RATE_LIFE_NS and abs(rate - last) > SWING * 1e-9 * age_ns:
                 return self._replace(stamp_ns=stamp_ns, spiked=True)
-        return Turning(rate, stamp_ns, False, self.agreement)
+        return made(Turning, (rate, stamp_ns, False, agreement))
 
     def over(self, begin_ns: float, seconds: float, noise: float, wander: float) -> Turn | None:
         """The turn in the `seconds` from `begin_ns` on; None if nobody measured it.
 
-        The rate is that of the last reading. Its `noise` [rad/s^0.5] is white; since then the true
-        one may have gone elsewhere, a random walk by `wander` [rad/s^1.5]: a gap is no turn.
+        The rate is that of the last reading. Its `noise` [rad^2/s] is white; since then the true
+        one may have gone elsewhere, a random walk by `wander` [rad^2/s^3]: a gap is no turn.
         """
-        if self.stamp_ns is None or begin_ns - self.stamp_ns > RATE_LIFE_NS:
+        rate, stamp_ns, _, _ = self
+        if stamp_ns is None or begin_ns - stamp_ns > RATE_LIFE_NS:
             return None
-        age = 1e-9 * (begin_ns - self.stamp_ns)
+        age = 1e-9 * (begin_ns - stamp_ns)
+        then = age + seconds
         # of a long gap in several parts each brings its share of the variance of the whole
-        gone = wander * wander * ((age + seconds) ** 3 - age**3) / 3.0
-        return Turn(self.rate * seconds, noise * noise * seconds + gone)
+        gone = wander * (then * then * then - age * age * age) / 3.0
+        return made(Turn, (rate * seconds, noise * seconds + gone))
 
 
 def fused(delta: Delta, noise: Noise, turn: Turn) -> tuple[Delta, Noise]:
@@ -66,11 +69,13 @@ def fused(delta: Delta, noise: Noise, turn: Turn) -> tuple[Delta, Noise]:
         return delta, noise
     k_s, k_t = st / total, tt / total
     off = angle - wheels
-    turned = 0.5 * k_t * off
+    more = k_t * off
     ahead += k_s * off
-    c, s = math.cos(turned), math.sin(turned)
+    c, s = cos(0.5 * more), sin(0.5 * more)
+    ss -= k_s * st
+    left_over = (ss if ss > 0.0 else 0.0), st - k_s * tt, tt - k_t * tt, position, heading
     return (
         # a turn that is more by so much turns the way, however it went, by half of that
-        Delta(c * ahead - s * left, s * ahead + c * left, wheels + k_t * off),
-        Noise(max(0.0, ss - k_s * st), st - k_s * tt, tt - k_t * tt, position, heading),
+        made(Delta, (c * ahead - s * left, s * ahead + c * left, wheels + more)),
+        made(Noise, left_over),
     )
