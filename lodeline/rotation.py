@@ -5,7 +5,7 @@ World is ENU, body is FLU, angles are radians, yaw 0 is east and grows counter-c
 Quaternions are (x, y, z, w), of unit norm unless said otherwise; a matrix is a tuple of three rows.
 """
 
-from math import acos, asin, atan2, copysign, cos, pi, remainder, sin, sqrt, tau
+from math import asin, atan2, copysign, cos, hypot, pi, remainder, sin, sqrt, tau
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -128,8 +128,8 @@ def yaw_of(q: Quaternion) -> float:
 
 def tilt_of(q: Quaternion) -> float:
     """Angle [rad] between the body's z axis and the vertical, for a unit quaternion."""
-    x, y, _, _ = q
-    return acos(max(-1.0, min(1.0, 1.0 - 2.0 * x * x - 2.0 * y * y)))
+    x, y, z, w = q
+    return 2.0 * atan2(hypot(x, y), hypot(z, w))
 
 
 def to_matrix(q: Quaternion) -> Matrix:

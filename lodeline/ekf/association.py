@@ -31,7 +31,7 @@ class Association:
     ) -> None:
         """`gate` on the squared Mahalanobis distance; `bar_error`: of the bar itself [m]."""
         self._engine, self._lattice = engine, lattice
-        self._bar_x, self._gate = bar_x, gate
+        self._bar_x, self._bar_x_squared, self._gate = bar_x, bar_x * bar_x, gate
         self._branch_gate = max(gate, BRANCH_GATE)
         # of the bar's place, when so many sigmas of it and of a sight together reach half the pitch
         self._wide, self._astray = (
@@ -50,7 +50,7 @@ class Association:
         """
         limit = self._wide if before else self._astray
         _, _, _, p00, _, _, p11, _, p22 = belief
-        if 2.0 * (p00 + p11 + self._bar_x * self._bar_x * p22) <= limit:
+        if 2.0 * (p00 + p11 + self._bar_x_squared * p22) <= limit:
             return False  # even if all its parts pull the same way
         return self._variance(belief) > limit
 

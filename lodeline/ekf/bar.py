@@ -7,6 +7,7 @@ from lodeline.ekf.reeds import BarMemory, Contact, ReedModel, Sight, edge_sights
 from lodeline.ekf.samples import Hits
 from lodeline.ekf.track import Track
 
+NOTHING = BarMemory((), way=0.0)  # neither under the bar nor met lately
 STUCK_PITCHES = 3.0  # a reed that stays closed over so much of the lattice is stuck
 
 
@@ -21,6 +22,8 @@ class Bar:
         """After a reading: each sight is gated, then corrects the belief."""
         if track.pace.unmeasured:  # the magnet of before or the next? when the gap is over it tells
             return track
+        if not (hits.laterals or track.bar.contacts):
+            return track.read(NOTHING)
         torn = self._is_torn(track, hits)
         sights, contacts = self._sights(track, hits, sharp=torn)
         alarms = track.trust.alarms
@@ -28,7 +31,7 @@ class Bar:
             track = self._seen(track, sight, torn=torn)
         if track.trust.alarms != alarms:
             contacts = ()  # which magnets these were is open again
-        return track._replace(bar=BarMemory(contacts, way=0.0))
+        return track.read(BarMemory(contacts, way=0.0))
 
     def distances(self, track: Track, hits: Hits) -> list[tuple[float, list[float]]]:
         """How a reading tells magnets apart: see `Association.distances`, for each fresh sight.

@@ -2,6 +2,7 @@
 
 import math
 
+from lodeline.ekf.belief import made
 from lodeline.ekf.engine import Engine
 from lodeline.ekf.mixture import Hypothesis
 from lodeline.ekf.params import LocalizerParams
@@ -16,23 +17,26 @@ class Inertial:
     """Pure steps from track to track, one for each reading of the IMU."""
 
     def __init__(self, engine: Engine, params: LocalizerParams) -> None:
-        self._engine, self._params = engine, params
+        self._engine, self._params, self._has_compass = engine, params, params.heading == "on"
 
     def read(self, track: Track, spin: Spin) -> Track:
         """From here on the robot turns as the gyro says; was it lifted? which way is north?"""
         mixture, pace, turning, bar, before, trust, compass_ns, wide, learned = track
-        was_lifted, lift = before.lifted, before.after(spin.tilt, spin.stamp_ns)
-        turning = turning.after(spin.rate, spin.stamp_ns)
-        track = Track(mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned)
-        if lift.lifted and not was_lifted:
+        stamp_ns, rate, _, _, tilt = spin
+        lift, turning = before.after(tilt, stamp_ns), turning.after(rate, stamp_ns)
+        parts = mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned
+        track = made(Track, parts)
+        if lift is not before and lift.lifted and not before.lifted:
             track = track.alarmed(*self._params.widen_sigma)
-        return self._headed(track, spin) if self._uses_heading(track, spin) else track
+        if self._has_compass and self._is_due(compass_ns, spin):
+            return self._headed(track, spin)
+        return track
 
-    def _uses_heading(self, track: Track, spin: Spin) -> bool:
-        params, last_ns = self._params, track.compass_ns
-        if params.heading == "off" or not math.isfinite(spin.heading_sigma):
+    def _is_due(self, last_ns: int | None, spin: Spin) -> bool:
+        """Whether it is time for another heading, and there is one."""
+        if not math.isfinite(spin.heading_sigma):
             return False
-        return last_ns is None or spin.stamp_ns - last_ns >= params.heading_interval * 1e9
+        return last_ns is None or spin.stamp_ns - last_ns >= self._params.heading_interval * 1e9
 
     def _headed(self, track: Track, spin: Spin) -> Track:
         """After a heading, unless it is far from what any hypothesis says."""

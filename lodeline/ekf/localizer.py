@@ -26,7 +26,7 @@ class Localizer:
     """
 
     def __init__(self, params: LocalizerParams) -> None:
-        self._params = params
+        self._params, self._has_compass = params, params.heading == "on"
         self._tracker = tracker = LearningTracker(params) if params.learns else Tracker(params)
         self._span_ns = round(params.history * 1e9)
         self._history: History[Track] = History(
@@ -51,11 +51,15 @@ class Localizer:
         sample changed nothing (refused, late or a duplicate, which is counted).
         """
         vv, vw, wv, ww = twist_covariance
-        if (
-            not _sane(x, y, yaw, vv, vw, wv, ww, interval)
-            or min(vv, ww, interval) < 0.0
-            or abs(vw - wv) > 1e-9 * (vv + ww)
-            or vw * wv > vv * ww * (1.0 + 1e-9)
+        if not (  # so put that no NaN passes
+            -ABSURD <= x <= ABSURD
+            and -ABSURD <= y <= ABSURD
+            and -ABSURD <= yaw <= ABSURD
+            and 0.0 <= vv <= ABSURD
+            and 0.0 <= ww <= ABSURD
+            and 0.0 <= interval <= ABSURD
+            and abs(vw - wv) <= 1e-9 * (vv + ww)
+            and vw * wv <= vv * ww * (1.0 + 1e-9)
         ):
             self.refused += 1
             return None
@@ -75,7 +79,9 @@ class Localizer:
         Empty readings matter to the `edges` model: they tell when a reed opened and closed.
         None: nothing changed (yet: a reading newer than the newest odometry waits for it).
         """
-        if len(laterals) > HITS_LIMIT or not all(abs(each) <= LATERAL_LIMIT for each in laterals):
+        if laterals and not (
+            len(laterals) <= HITS_LIMIT and all(abs(each) <= LATERAL_LIMIT for each in laterals)
+        ):
             self.refused += 1
             return None
         return self._answer(self._history.add(Hits(stamp_ns, tuple(laterals))))
@@ -109,32 +115,32 @@ class Localizer:
         heading_std: float,
         *,
         disturbed: bool,
-    ) -> Estimate | None:
+    ) -> None:
         """Takes what the IMU says: body to world, body rates less their bias [rad/s].
 
         The rate of turn goes into each step beside the wheels', the heading only as far as
-        `heading` of the parameters lets it, and not while the field is `disturbed`. None: nothing
-        changed yet.
+        `heading` of the parameters lets it, and not while the field is `disturbed`. The next
+        estimate tells what it changed.
         """
         x, y, z, w = orientation
         wx, wy, wz = angular_velocity
         if not (  # so put that no NaN passes
             abs(x * x + y * y + z * z + w * w - 1.0) <= 1e-3
-            and -RATE_LIMIT <= wx <= RATE_LIMIT
-            and -RATE_LIMIT <= wy <= RATE_LIMIT
-            and -RATE_LIMIT <= wz <= RATE_LIMIT
+            and abs(wx) <= RATE_LIMIT
+            and abs(wy) <= RATE_LIMIT
+            and abs(wz) <= RATE_LIMIT
             and 0.0 <= heading_std <= ABSURD
         ):
             self.refused += 1
-            return None
+            return
         spin = Spin(
             stamp_ns,
             height(orientation, angular_velocity),
-            yaw_of(orientation),
+            yaw_of(orientation) if self._has_compass else 0.0,
             math.inf if disturbed else heading_std,
             tilt_of(orientation),
         )
-        return self._answer(self._history.add(spin))
+        self._count(self._history.add(spin))
 
     @property
     def estimate(self) -> Estimate | None:
@@ -192,13 +198,16 @@ class Localizer:
     def _answer(self, verdict: Verdict) -> Estimate | None:
         if verdict == "used":
             return self.estimate
+        self._count(verdict)
+        return None
+
+    def _count(self, verdict: Verdict) -> None:
         if verdict == "late":
             self.late += 1
         elif verdict == "duplicate":
             self.duplicates += 1
         elif verdict == "full":
             self.refused += 1
-        return None
 
 
 def _sane(*values: float) -> bool:

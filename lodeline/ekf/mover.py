@@ -122,11 +122,11 @@ class Mover:
     ) -> tuple[Turning, Delta, Noise]:
         """A share as wheels and gyro see it together; where they differ too much, the gyro."""
         rate, stamp_ns, spiked, before = turning
-        wheels, seconds = share * way.twist[2], share * way.seconds
-        angle, variance = turn
+        (angle, variance), (_, _, tt, _, _), (_, _, whole) = turn, noise, way.twist
+        wheels, seconds = share * whole, share * way.seconds
         off = angle - wheels
-        agreement = before.after(off, noise[2] + variance, seconds)
-        if before[2] or agreement[2]:
+        agreement = before.after(off, tt + variance, seconds)
+        if before.doubted or agreement.doubted:
             noise = doubting(noise, off, agreement, seconds, self._params.track)
         delta, noise = fused(chord(share * way.length, wheels), wheels, noise, turn)
         return made(Turning, (rate, stamp_ns, spiked, agreement)), delta, noise

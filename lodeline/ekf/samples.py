@@ -27,7 +27,8 @@ class Hits(NamedTuple):
 class Spin(NamedTuple):
     """What the IMU says: rate of turn [rad/s], heading and its sigma [rad], tilt [rad].
 
-    `heading_sigma` infinite: there is no north to believe.
+    `heading_sigma` infinite: there is no north to believe. The heading counts only for who uses
+    the compass, and is 0 for others.
     """
 
     stamp_ns: int

@@ -48,6 +48,11 @@ class Track(NamedTuple):
         parts = mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned
         return made(Track, parts)
 
+    def read(self, bar: BarMemory) -> "Track":
+        """After a reading of the bar that changed nothing but the memory of it."""
+        mixture, pace, turning, _, lift, trust, compass_ns, wide, learned = self
+        return made(Track, (mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned))
+
     def each(self, change: Callable[[Belief], Belief]) -> "Track":
         """The same change to every hypothesis."""
         mixture = tuple([Hypothesis(w, change(belief)) for w, belief in self.mixture])

@@ -20,7 +20,7 @@ class Tracker:
     """Pure steps from track to track; the history calls them in the order of stamps."""
 
     def __init__(self, params: LocalizerParams) -> None:
-        self._params = params
+        self._params, self._blind = params, params.magnet_model == "none"
         self._engine = engine = make_engine(params.engine)
         lattice = Lattice(params.cell, *params.lattice_origin)
         self._association = Association(
@@ -47,19 +47,15 @@ class Tracker:
 
     def observe(self, track: Track, sample: Measurement) -> Track:
         """After a sample that is no motion."""
-        after = self._observed(track, sample)
-        return after if after.mixture is track.mixture else self._marked(after)
-
-    def _observed(self, track: Track, sample: Measurement) -> Track:
-        if isinstance(sample, Hits) and self._params.magnet_model == "none":
-            return track
-        if isinstance(sample, Hits):
-            return self._bar.read(track, sample)
         if isinstance(sample, Spin):
-            return self._inertial.read(track, sample)
-        for landmark in (sample,) if isinstance(sample, Fix) else sample.seen:
-            track = sighted(self._engine, track, landmark)
-        return track
+            after = self._inertial.read(track, sample)
+        elif isinstance(sample, Hits):
+            after = track if self._blind else self._bar.read(track, sample)
+        else:
+            after = track
+            for landmark in (sample,) if isinstance(sample, Fix) else sample.seen:
+                after = sighted(self._engine, after, landmark)
+        return after if after.mixture is track.mixture else self._marked(after)
 
     def distances(self, track: Track, hits: Hits) -> list[tuple[float, list[float]]]:
         """How a reading tells magnets apart, before any of them corrects: see `Bar.distances`."""
@@ -86,5 +82,6 @@ class Tracker:
 
     def _marked(self, track: Track) -> Track:
         """With `wide` as it is now."""
-        wide = self._association.is_astray(track.belief, before=track.wide)
-        return track if wide == track.wide else track._replace(wide=wide)
+        (_, belief), wide = track.mixture[0], track.wide
+        after = self._association.is_astray(belief, before=wide)
+        return track if after == wide else track._replace(wide=after)

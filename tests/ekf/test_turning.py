@@ -9,7 +9,6 @@ from lodeline.bench.scenes.drive import Drive
 from lodeline.ekf import Belief, Estimate, Localizer, LocalizerParams
 from lodeline.ekf.engine import Noise
 from lodeline.ekf.engines import make_engine
-from lodeline.ekf.motion import Delta
 from lodeline.ekf.turning import Turn, fused
 from lodeline.odometry import Odometry, OdometryParams
 
@@ -231,8 +230,7 @@ def test_an_attitude_that_makes_no_sense_is_refused(bad: float) -> None:
         (level(0.0), 0.0, bad),
         ((0.0, 0.0, 0.0, 0.5), 0.0, 0.1),
     ):
-        spun = localizer.attitude(0, orientation, (0.0, 0.0, rate), std, disturbed=False)
-        assert spun is None
+        localizer.attitude(0, orientation, (0.0, 0.0, rate), std, disturbed=False)
     assert localizer.refused == 4
 
 
