@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Literal, NamedTuple, TypeVar
 
+from lodeline.ekf.belief import made
 from lodeline.ekf.samples import Fix, Hits, Landmarks, Measurement, Motion, Sample, Spin
 
 B = TypeVar("B")
@@ -133,7 +134,7 @@ class History(Generic[B]):
             elif before is not None:
                 belief = observe(belief, sample)
             from_ns = stamp_ns
-            node.after = mark = Mark(stamp_ns, before, belief)
+            node.after = mark = made(Mark, (stamp_ns, before, belief))
         self._newest = mark
 
     def _coming(self, j: int) -> Motion | None:

@@ -37,7 +37,7 @@ class Mover:
     """Pure steps from track to track along the odometry."""
 
     def __init__(self, engine: Engine, params: LocalizerParams) -> None:
-        self._engine, self._params = engine, params
+        self._predict, self._params, self._bar_x = engine.predict, params, params.bar_x
         self._gyro_noise, self._wander = params.gyro_noise**2, params.wander[1] ** 2
         self._last: tuple[Motion, Motion, Way] | None = None
 
@@ -51,25 +51,28 @@ class Mover:
         else:
             way = self._way(before, after)
             self._last = before, after, way
-        share, turning = end - begin, track.turning
-        seconds = way.seconds * share
-        gyro = turning.over(
-            before.stamp_ns + begin * way.gap_ns, seconds, self._gyro_noise, self._wander
-        )
-        if way.jumped:
+        gap_ns, seconds, delta, twist, _, pace, jumped, noise = way
+        mixture, _, turning, bar, lift, trust, compass_ns, wide, learned = track
+        share = end - begin
+        seconds *= share
+        since_ns = before.stamp_ns + begin * gap_ns
+        gyro = turning.over(since_ns, seconds, self._gyro_noise, self._wander)
+        if jumped:
             track = self.lost(track, seconds, share, gyro)
             return track._replace(pace=track.pace._replace(unmeasured=end < 1.0))
-        ss, st, tt, position, heading = way.noise  # white in time: a share of it for a share of it
-        noise = made(Noise, (share * ss, share * st, share * tt, share * position, share * heading))
-        if gyro is None:
-            delta = part(way.twist, share) if share < 1.0 else way.delta
-            bend = share * self._bend(way.pace, way.seconds)
-            noise = noise._replace(position=noise.position + bend)
-        else:
+        ss, st, tt, position, heading = noise  # white in time: a share of it for a share of it
+        parts = share * ss, share * st, share * tt, share * position, share * heading
+        noise = made(Noise, parts)
+        if gyro is not None:
             turning, delta, noise = self._with_gyro(turning, way, share, noise, gyro)
+        else:
+            delta = part(twist, share) if share < 1.0 else delta
+            bend = share * self._bend(pace, way.seconds)
+            noise = noise._replace(position=noise.position + bend)
         ahead, left, turn = delta
-        bar = track.bar.moved(hypot(ahead, left + self._params.bar_x * turn), ahead)
-        return track.moved(self._predicted(track, delta, noise), way.pace, turning, bar)
+        bar = bar.moved(hypot(ahead, left + self._bar_x * turn), ahead)
+        mixture = self._predicted(mixture, delta, noise)
+        return made(Track, (mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned))
 
     def lost(
         self,
@@ -94,12 +97,12 @@ class Mover:
             delta = arc(track.pace.v * reach, gyro.angle)
             tt, doubt = gyro.variance, 0.0
         noise = Noise(along * along / share, 0.0, tt, share * position * position, doubt)
-        mixture = self._predicted(track, delta, noise)
-        return track.moved(mixture, track.pace, track.turning, BarMemory())
+        mixture = self._predicted(track.mixture, delta, noise)
+        return track._replace(mixture=mixture, bar=BarMemory())
 
-    def _predicted(self, track: Track, delta: Delta, noise: Noise) -> Mixture:
+    def _predicted(self, mixture: Mixture, delta: Delta, noise: Noise) -> Mixture:
         """Every hypothesis after the same step."""
-        predict, mixture = self._engine.predict, track.mixture
+        predict = self._predict
         if len(mixture) == 1:
             ((weight, belief),) = mixture
             return (made(Hypothesis, (weight, predict(belief, delta, noise))),)
@@ -122,13 +125,14 @@ class Mover:
     ) -> tuple[Turning, Delta, Noise]:
         """A share as wheels and gyro see it together; where they differ too much, the gyro."""
         rate, stamp_ns, spiked, before = turning
-        (angle, variance), (_, _, tt, _, _), (_, _, whole) = turn, noise, way.twist
-        wheels, seconds = share * whole, share * way.seconds
+        (angle, variance), (_, _, tt, _, _) = turn, noise
+        _, seconds, _, (_, _, wheels), length, _, _, _ = way
+        wheels, seconds = share * wheels, share * seconds
         off = angle - wheels
         agreement = before.after(off, tt + variance, seconds)
         if before.doubted or agreement.doubted:
             noise = doubting(noise, off, agreement, seconds, self._params.track)
-        delta, noise = fused(chord(share * way.length, wheels), wheels, noise, turn)
+        delta, noise = fused(chord(share * length, wheels), wheels, noise, turn)
         return made(Turning, (rate, stamp_ns, spiked, agreement)), delta, noise
 
     def _noise(self, before: Motion, after: Motion, seconds: float) -> Noise:

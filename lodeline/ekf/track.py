@@ -42,12 +42,6 @@ class Track(NamedTuple):
         """True while it is not clear which magnets were met."""
         return len(self.mixture) > 1
 
-    def moved(self, mixture: Mixture, pace: Pace, turning: Turning, bar: BarMemory) -> "Track":
-        """After a motion: the hypotheses, and what moved along with them."""
-        _, _, _, _, lift, trust, compass_ns, wide, learned = self
-        parts = mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned
-        return made(Track, parts)
-
     def read(self, bar: BarMemory) -> "Track":
         """After a reading of the bar that changed nothing but the memory of it."""
         mixture, pace, turning, _, lift, trust, compass_ns, wide, learned = self
