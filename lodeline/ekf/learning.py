@@ -8,7 +8,7 @@ from lodeline.ekf import learned
 from lodeline.ekf.engine import Engine, Noise
 from lodeline.ekf.learned import Learned
 from lodeline.ekf.mixture import Hypothesis
-from lodeline.ekf.motion import Delta, length, part, twist
+from lodeline.ekf.motion import Delta, part, twist
 from lodeline.ekf.mover import Mover, Way
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.samples import Measurement, Motion
@@ -53,13 +53,13 @@ class LearningMover(Mover):
         longer = Delta(
             (1.0 + known.way) * ahead, (1.0 + known.way) * left, (1.0 + known.turn) * turn
         )
-        return way._replace(twist=longer, delta=part(longer, 1.0), length=length(longer))
+        return way._replace(twist=longer, delta=part(longer, 1.0))
 
     def _with_gyro(
-        self, turning: Turning, way: Way, share: float, noise: Noise, turn: Turn
+        self, turning: Turning, delta: Delta, noise: Noise, turn: Turn, seconds: float
     ) -> tuple[Turning, Delta, Noise]:
-        turn = turn._replace(angle=turn.angle - self._known.bias * share * way.seconds)
-        turning, delta, noise = super()._with_gyro(turning, way, share, noise, turn)
+        turn = turn._replace(angle=turn.angle - self._known.bias * seconds)
+        turning, delta, noise = super()._with_gyro(turning, delta, noise, turn, seconds)
         if turn.variance > 0.0:
             self._by_gyro = noise.tt / turn.variance
         return turning, delta, noise

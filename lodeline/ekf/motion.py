@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from lodeline.ekf.belief import made
 from lodeline.rotation import wrap_angle
 
 STRAIGHT = 1e-12  # rad: a smaller turn bends nothing
@@ -45,35 +46,24 @@ def twist(delta: Delta) -> Delta:
     return Delta((a * ahead + b * left) / norm, (a * left - b * ahead) / norm, turn)
 
 
-def length(twist: Delta) -> float:
-    """Length [m] of the arc at constant `twist`, negative when it goes back."""
-    ahead, left, _ = twist
-    return math.copysign(math.hypot(ahead, left), ahead)
-
-
 def part(twist: Delta, share: float) -> Delta:
     """A `share` (0 to 1) of a motion at constant `twist`; such parts compose to the whole again.
 
     The twist is the same in every body frame along the way, so it matters not where they begin.
     """
     ahead, left, turn = twist
-    if abs(turn) < STRAIGHT:
+    if -STRAIGHT < turn < STRAIGHT:
         return Delta(share * ahead, share * left, share * turn)
     angle = turn * share
-    sine, versine = math.sin(angle) / turn, _versine(angle) / turn
-    return Delta(sine * ahead - versine * left, versine * ahead + sine * left, angle)
+    sine, half = math.sin(angle) / turn, math.sin(0.5 * angle)
+    versine = 2.0 * half * half / turn
+    return made(Delta, (sine * ahead - versine * left, versine * ahead + sine * left, angle))
 
 
 def arc(way: float, turn: float) -> Delta:
     """The motion of `way` [m] along an arc that turns by `turn` [rad]."""
-    straight = chord(way, turn)
-    return Delta(straight * math.cos(0.5 * turn), straight * math.sin(0.5 * turn), turn)
-
-
-def chord(way: float, turn: float) -> float:
-    """How far apart [m] the ends of a `way` [m] are that turns by `turn` [rad]."""
-    half = 0.5 * turn
-    return way * math.sin(half) / half if abs(half) > 5e-10 else way
+    chord = way * (math.sin(0.5 * turn) / (0.5 * turn) if abs(turn) > 1e-9 else 1.0)
+    return Delta(chord * math.cos(0.5 * turn), chord * math.sin(0.5 * turn), turn)
 
 
 def _versine(angle: float) -> float:

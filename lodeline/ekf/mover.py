@@ -7,7 +7,7 @@ from lodeline.ekf.agreement import doubting
 from lodeline.ekf.belief import made
 from lodeline.ekf.engine import Engine, Noise
 from lodeline.ekf.mixture import Hypothesis, Mixture
-from lodeline.ekf.motion import Delta, Pace, arc, chord, length, part, relative, twist
+from lodeline.ekf.motion import Delta, Pace, arc, part, relative, twist
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.reeds import BarMemory
 from lodeline.ekf.samples import Motion
@@ -20,14 +20,13 @@ COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as 
 class Way(NamedTuple):
     """From one odometry pose to the next, for all its parts: they take a share of it each.
 
-    `length` [m] is that of its arc, negative when it goes back. `jumped`: nobody measured it.
+    `jumped`: nobody measured it.
     """
 
     gap_ns: int
     seconds: float
     delta: Delta
     twist: Delta
-    length: float
     pace: Pace
     jumped: bool
     noise: Noise
@@ -51,7 +50,7 @@ class Mover:
         else:
             way = self._way(before, after)
             self._last = before, after, way
-        gap_ns, seconds, delta, twist, _, pace, jumped, noise = way
+        gap_ns, seconds, delta, twist, pace, jumped, noise = way
         mixture, _, turning, bar, lift, trust, compass_ns, wide, learned = track
         share = end - begin
         seconds *= share
@@ -63,10 +62,11 @@ class Mover:
         ss, st, tt, position, heading = noise  # white in time: a share of it for a share of it
         parts = share * ss, share * st, share * tt, share * position, share * heading
         noise = made(Noise, parts)
+        if share < 1.0:
+            delta = part(twist, share)
         if gyro is not None:
-            turning, delta, noise = self._with_gyro(turning, way, share, noise, gyro)
+            turning, delta, noise = self._with_gyro(turning, delta, noise, gyro, seconds)
         else:
-            delta = part(twist, share) if share < 1.0 else delta
             bend = share * self._bend(pace, way.seconds)
             noise = noise._replace(position=noise.position + bend)
         ahead, left, turn = delta
@@ -117,22 +117,19 @@ class Mover:
             hypot(ahead, left) > self._params.max_speed * seconds
         )
         pace, noise = Pace(ahead / seconds, turn / seconds), self._noise(before, after, seconds)
-        whole = twist(delta)
-        return Way(gap_ns, seconds, delta, whole, length(whole), pace, jumped, noise)
+        return Way(gap_ns, seconds, delta, twist(delta), pace, jumped, noise)
 
     def _with_gyro(
-        self, turning: Turning, way: Way, share: float, noise: Noise, turn: Turn
+        self, turning: Turning, delta: Delta, noise: Noise, turn: Turn, seconds: float
     ) -> tuple[Turning, Delta, Noise]:
-        """A share as wheels and gyro see it together; where they differ too much, the gyro."""
+        """The step as wheels and gyro see it together; where they differ too much, the gyro."""
         rate, stamp_ns, spiked, before = turning
-        (angle, variance), (_, _, tt, _, _) = turn, noise
-        _, seconds, _, (_, _, wheels), length, _, _, _ = way
-        wheels, seconds = share * wheels, share * seconds
+        (angle, variance), (_, _, tt, _, _), (_, _, wheels) = turn, noise, delta
         off = angle - wheels
         agreement = before.after(off, tt + variance, seconds)
         if before.doubted or agreement.doubted:
             noise = doubting(noise, off, agreement, seconds, self._params.track)
-        delta, noise = fused(chord(share * length, wheels), wheels, noise, turn)
+        delta, noise = fused(delta, noise, turn)
         return made(Turning, (rate, stamp_ns, spiked, agreement)), delta, noise
 
     def _noise(self, before: Motion, after: Motion, seconds: float) -> Noise:

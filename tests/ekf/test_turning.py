@@ -9,6 +9,7 @@ from lodeline.bench.scenes.drive import Drive
 from lodeline.ekf import Belief, Estimate, Localizer, LocalizerParams
 from lodeline.ekf.engine import Noise
 from lodeline.ekf.engines import make_engine
+from lodeline.ekf.motion import Delta
 from lodeline.ekf.turning import Turn, fused
 from lodeline.odometry import Odometry, OdometryParams
 
