@@ -165,9 +165,9 @@ PATHS: dict[str, tuple[Callable[[], Callable[[int], object]], int]] = {
     "a hop that nobody listens to": (lambda: hop(False), 850),
     "attitude": (attitude, 1730),
     "odometry": (wheels, 770),
-    "ekf": (lambda: ekf(gyro=False), 3400),
-    "ekf with gyro": (lambda: ekf(gyro=True), 7720),
-    "ekf without wheels": (ekf_without_wheels, 420),
+    "ekf": (lambda: ekf(gyro=False), 3010),
+    "ekf with gyro": (lambda: ekf(gyro=True), 6820),
+    "ekf without wheels": (ekf_without_wheels, 370),
     "a sample of a replay": (replayed, 640),
 }
 """What is guarded, and the steps that a sample takes there with CPython 3.11."""
