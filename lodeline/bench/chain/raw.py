@@ -102,7 +102,7 @@ def subscribe(
     if not tuned:
         session.declare_subscriber(key, lambda sample: take(sample.payload.to_bytes()))
         return
-    subscriber: Any = session.declare_subscriber(key, zenoh.handlers.RingChannel(64))
+    subscriber: Any = session.declare_subscriber(key, zenoh.handlers.RingChannel(256))
 
     def run() -> None:
         while True:

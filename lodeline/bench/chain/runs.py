@@ -108,7 +108,7 @@ def dora(folder: str, rate: float) -> list[list[str]]:
         lines += [f"  - id: n{i}", f"    path: {words[0]}", f"    args: {' '.join(words[1:])}"]
         if i:
             lines += ["    inputs:", "      in:", f"        source: n{i - 1}/out"]
-            lines += ["        queue_size: 64"]
+            lines += ["        queue_size: 256"]
         if i < STAGES - 1:
             lines += ["    outputs:", "      - out"]
     Path(folder, "flow.yml").write_text("\n".join([*lines, ""]))

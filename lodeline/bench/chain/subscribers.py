@@ -28,7 +28,7 @@ def main() -> None:
 
     clients = [Client(found.folder) for _ in range(arguments.count)]
     for client in clients:
-        client.subscribe(f"{found.manifest.name}/pose", 64, take)
+        client.subscribe(f"{found.manifest.name}/pose", 256, take)
     time.sleep(0.5)
     print("go", flush=True)
     ages.clear()

@@ -24,7 +24,7 @@ class SinkParams:
 class Sink(Node[SinkParams]):
     """The tail of the chain."""
 
-    pose = Input(PoseEstimate, queue=64)
+    pose = Input(PoseEstimate, queue=256)
 
     def setup(self) -> None:
         self.heard = Heard(self.params.folder)

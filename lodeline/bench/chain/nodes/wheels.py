@@ -16,7 +16,7 @@ class WheelsParams:
 class Wheels(Node[WheelsParams]):
     """The sensor's stamp goes through, so the age of the pose is the age of the IMU's reading."""
 
-    attitude = Input(AttitudeEstimate, queue=64)
+    attitude = Input(AttitudeEstimate, queue=256)
     wheels = Output(WheelTicks)
 
     def setup(self) -> None:
