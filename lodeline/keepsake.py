@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import zlib
 from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -32,7 +32,7 @@ class Keepsake:
     def look(self, marks: Mapping[str, int]) -> bytes:
         """The node's state as it is now, while no handler runs; empty if there is none."""
         state = self._node.save()
-        return b"" if state is None else msgpack.packb([asdict(state), dict(marks)])
+        return b"" if state is None else msgpack.packb([state, dict(marks)], default=_parts)
 
     def store(self, data: bytes) -> None:
         """Write what `look` saw if it is something new; a slow disk may take its time."""
@@ -78,6 +78,11 @@ def rebuilt(value: Any, hint: Any) -> Any:
         pairs = zip(value, get_type_hints(hint).values(), strict=True)
         return hint(*(rebuilt(part, kind) for part, kind in pairs))
     return tuple(value) if isinstance(value, list) else value
+
+
+def _parts(value: Any) -> dict[str, Any]:
+    """A dataclass as a map; what is in it msgpack comes to by itself, and copies nothing."""
+    return {name: getattr(value, name) for name in value.__dataclass_fields__}
 
 
 def _checked(data: bytes) -> tuple[dict[str, Any], dict[str, int]]:
