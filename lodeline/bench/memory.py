@@ -1,5 +1,6 @@
 """Memory of the default pipeline, a process for each node and all nodes in one.
 
+Nobody else listens: what is sent for a tool is kept for 20 s besides, in case it is cut off.
 RSS counts pages that processes share in each of them, PSS in parts, so that sums are true.
 Megabytes are 2^20 bytes. Supervisor and guard are counted besides.
 """
@@ -66,7 +67,7 @@ def measure(text: str, seconds: float) -> Held:
     with tempfile.TemporaryDirectory(prefix="llm") as folder:
         file = Path(folder, "pipeline.yaml")
         file.write_text(text)
-        with Rig(str(file)) as rig:
+        with Rig(str(file), deaf=True) as rig:
             time.sleep(seconds)
             pids = {item["pid"]: name for name, item in rig.processes().items()}
             pids[rig.supervisor.pid] = "(supervisor)"
