@@ -41,6 +41,9 @@ class Reading:
             data = end.read()
         _, status = os.waitpid(self._pid, 0)
         if status:
+            if os.WIFSIGNALED(status):
+                name = signal.Signals(os.WTERMSIG(status)).name
+                print(f"a node's program ended the reading of the file by {name}", file=sys.stderr)
             sys.exit(1)
         try:
             found = pickle.loads(data)  # noqa: S301 - our own process wrote it
