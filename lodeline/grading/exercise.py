@@ -25,11 +25,16 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
-class Mistake:
-    """A way in which people get it wrong: functions as they write them, and what to tell them."""
+class Part:
+    """A function to be written: arguments to try it with, and how people get it wrong.
 
-    parts: dict[str, Callable[..., Any]]
-    hint: str
+    `angle`: what it returns is one, so that a whole turn more is the same.
+    """
+
+    name: str
+    tries: tuple[tuple[Any, ...], ...]
+    mistakes: tuple[mistakes.Wrong, ...]
+    angle: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +46,7 @@ class Exercise:
     inputs: dict[str, str]
     output: str
     quantities: tuple[Quantity, ...]
-    mistakes: tuple[Mistake, ...]
+    parts: tuple[Part, ...]
 
     @property
     def file(self) -> Path:
@@ -75,6 +80,15 @@ def _yaw(message: AttitudeEstimate) -> float:
     return yaw_of(message.orientation)
 
 
+STEPS = ((0.02, 0.03, 0.1, 0.0), (0.03, 0.01, 0.2, 2.0), (0.01, 0.01, 0.1, -1.0))
+"""left, right, track [m], yaw [rad]."""
+READINGS = tuple(
+    (x * 1e-6, y * 1e-6, (-10e-6, -30e-6), (30e-6, 10e-6 + stretch))
+    for x, y, stretch in ((25.0, 5.0, 0.0), (-8.0, -5.0, 2e-6), (5.0, -25.0, 4e-6))
+)
+"""x, y, low, high [T]."""
+PLACES = ((1.0, 2.0, 0.5, (1.1, 2.3)), (-0.2, 0.1, 2.5, (0.0, 0.0)))
+"""x, y [m], yaw [rad], magnet [m]."""
 EXERCISES = {
     exercise.name: exercise
     for exercise in (
@@ -84,7 +98,7 @@ EXERCISES = {
             {"wheels": "wheels"},
             "odom",
             _pose(1e-7),
-            tuple(Mistake({"travel": wrong}, hint) for wrong, hint in mistakes.TRAVEL),
+            (Part("travel", STEPS, mistakes.TRAVEL),),
         ),
         Exercise(
             "heading",
@@ -92,7 +106,7 @@ EXERCISES = {
             {"mag": "imu/mag_raw"},
             "attitude",
             (Quantity("yaw", "rad", 1e-6, _yaw, angle=True),),
-            tuple(Mistake({"heading": wrong}, hint) for wrong, hint in mistakes.HEADING),
+            (Part("heading", READINGS, mistakes.HEADING, angle=True),),
         ),
         Exercise(
             "measurement",
@@ -101,12 +115,8 @@ EXERCISES = {
             "pose",
             _pose(1e-6),
             (
-                *(Mistake({"expected": wrong}, hint) for wrong, hint in mistakes.EXPECTED),
-                *(
-                    Mistake({"expected": wrong, "jacobian": mistakes.right_jacobian}, hint)
-                    for wrong, hint in mistakes.EXPECTED
-                ),
-                *(Mistake({"jacobian": wrong}, hint) for wrong, hint in mistakes.JACOBIAN),
+                Part("expected", PLACES, mistakes.EXPECTED),
+                Part("jacobian", PLACES, mistakes.JACOBIAN),
             ),
         ),
     )

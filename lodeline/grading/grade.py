@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import traceback
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -14,6 +13,8 @@ from typing import Any
 
 from lodeline import virtual
 from lodeline.grading.exercise import Exercise, Quantity
+from lodeline.grading.hint import hint
+from lodeline.grading.patience import GradingError, patience, where
 from lodeline.graph import Graph
 from lodeline.loading import load_node, shipped
 from lodeline.node import Node
@@ -27,10 +28,6 @@ SECONDS = 20.0
 Samples = list[tuple[str, Message]]
 Sent = dict[tuple[int, int, int], Message]
 """What a node sent, by the drive, the stamp since its start [ns] and the number at that stamp."""
-
-
-class GradingError(Exception):
-    """A file that cannot be graded at all: it does not load, or is another node."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,18 +67,20 @@ def grade(exercise: Exercise, file: Path, seeds: Iterable[int] = (1, 2)) -> Grad
     Every seed is another drive: other noise, other slip of the wheels.
     """
     reference = load_node(exercise.file)
-    node = _load(file, reference)
     drives = [_drive(tuple(exercise.inputs.items()), seed) for seed in seeds]
     right = _run(exercise, reference, drives)
-    try:
-        answer = _run(exercise, node, drives)
-    except Exception as error:
-        raise GradingError(f"{file} does not start: {_where(error, file)}") from None
-    differences = _differences(exercise, answer.sent, right.sent)
-    found = Grade(len(right.sent), len(answer.sent), differences, answer.raised, "")
-    if found.passed or found.raised:
-        return found
-    return replace(found, hint=_hint(exercise, reference, answer.sent, drives))
+    with patience(file):
+        node = _load(file, reference)
+        try:
+            answer = _run(exercise, node, drives)
+        except Exception as error:
+            raise GradingError(f"{file} does not start: {where(error, file)}") from None
+        differences = _differences(exercise, answer.sent, right.sent)
+        found = Grade(len(right.sent), len(answer.sent), differences, answer.raised, "")
+        if found.passed:
+            return found
+        written, solved = (sys.modules[each.__module__] for each in (node, reference))
+        return replace(found, hint=hint(exercise.parts, written, solved))
 
 
 def _load(file: Path, reference: type[Node[Any]]) -> type[Node[Any]]:
@@ -90,7 +89,7 @@ def _load(file: Path, reference: type[Node[Any]]) -> type[Node[Any]]:
     try:
         node = load_node(file)
     except Exception as error:
-        raise GradingError(f"{file} does not load: {_where(error, file)}") from None
+        raise GradingError(f"{file} does not load: {where(error, file)}") from None
     for kind, ports in (("input", reference.inputs()), ("output", reference.outputs())):
         there = node.inputs() if kind == "input" else node.outputs()
         for name, port in ports.items():
@@ -140,7 +139,7 @@ def _run(exercise: Exercise, cls: type[Node[Any]], drives: Sequence[Samples]) ->
 
     def fail(_name: str, message: Message, error: Exception) -> None:
         if not raised:
-            raised.append(f"{_where(error, file)}, at {message}")
+            raised.append(f"{where(error, file)}, at {message}")
 
     for number, samples in enumerate(drives):
         start = samples[0][1].stamp
@@ -173,34 +172,3 @@ def _differences(exercise: Exercise, answer: Sent, right: Sent) -> tuple[Differe
                 worst, when = (inf if isnan(off) else off), place[1] * 1e-9
         found.append(Difference(quantity, worst, when))
     return tuple(found)
-
-
-def _hint(
-    exercise: Exercise,
-    reference: type[Node[Any]],
-    answer: Sent,
-    drives: Sequence[Samples],
-) -> str:
-    """What a known mistake with the same answer is called, "" if it is none of them."""
-    module = sys.modules[reference.__module__]
-    for mistake in exercise.mistakes:
-        good = {name: getattr(module, name) for name in mistake.parts}
-        vars(module).update(mistake.parts)
-        try:
-            wrong = _run(exercise, reference, drives).sent
-        finally:
-            vars(module).update(good)
-        if wrong.keys() == answer.keys() and all(
-            difference.fine for difference in _differences(exercise, answer, wrong)
-        ):
-            return mistake.hint
-    return ""
-
-
-def _where(error: Exception, file: Path) -> str:
-    """What was raised, and the line of the student's file."""
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if Path(frame.filename).resolve() == file.resolve()]
-    if isinstance(error, SyntaxError):
-        lines = [error.lineno]
-    return f"{f'line {lines[-1]}: ' if lines else ''}{type(error).__name__}: {error}"

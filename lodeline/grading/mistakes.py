@@ -6,7 +6,7 @@ Each is the function as it is then written, and a hint that leaves the thinking 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, cos, pi, sin
+from math import atan, atan2, cos, degrees, pi, sin
 from typing import Any
 
 Pair = tuple[float, float]
@@ -51,6 +51,22 @@ def _twice_track(left: float, right: float, track: float, yaw: float) -> Row:
     return way * cos(yaw + 0.5 * turn), way * sin(yaw + 0.5 * turn), turn
 
 
+def _new_heading(left: float, right: float, track: float, yaw: float) -> Row:
+    way, turn = 0.5 * (left + right), (right - left) / track
+    return way * cos(yaw + 0.5 * turn), way * sin(yaw + 0.5 * turn), yaw + turn
+
+
+def _turn_in_degrees(left: float, right: float, track: float, yaw: float) -> Row:
+    way, turn = 0.5 * (left + right), degrees((right - left) / track)
+    return way * cos(yaw + 0.5 * turn), way * sin(yaw + 0.5 * turn), turn
+
+
+def _arc(left: float, right: float, track: float, yaw: float) -> Row:
+    way, turn = 0.5 * (left + right), (right - left) / track
+    chord = way * sin(0.5 * turn) / (0.5 * turn) if turn else way
+    return chord * cos(yaw + 0.5 * turn), chord * sin(yaw + 0.5 * turn), turn
+
+
 def _no_travel(_left: float, _right: float, _track: float, _yaw: float) -> Row:
     return 0.0, 0.0, 0.0
 
@@ -66,6 +82,9 @@ TRAVEL: tuple[Wrong, ...] = (
     (_both_wheels, "the robot goes twice as far as it should: its middle is between the wheels"),
     (_clockwise, "left and right are exchanged: which wheel goes further in a left turn?"),
     (_from_north, "sine and cosine are exchanged: yaw 0 is east, not north"),
+    (_new_heading, "the third number is the turn of this step, not the heading after it"),
+    (_turn_in_degrees, "angles are radians everywhere"),
+    (_arc, "this is the exact arc, and right; what is asked for here is its chord as if straight"),
     (_no_travel, NOTHING),
 )
 
@@ -95,6 +114,21 @@ def _off_by_a_quarter(x: float, y: float, low: Pair, high: Pair) -> float:
     return -atan2(b, a)
 
 
+def _clockwise_heading(x: float, y: float, low: Pair, high: Pair) -> float:
+    a, b = _scaled(x, y, low, high)
+    return 0.5 * pi + atan2(b, a)
+
+
+def _half_the_circle(x: float, y: float, low: Pair, high: Pair) -> float:
+    a, b = _scaled(x, y, low, high)
+    return 0.5 * pi - atan(b / a)
+
+
+def _heading_in_degrees(x: float, y: float, low: Pair, high: Pair) -> float:
+    a, b = _scaled(x, y, low, high)
+    return 90.0 - degrees(atan2(b, a))
+
+
 def _no_heading(_x: float, _y: float, _low: Pair, _high: Pair) -> float:
     return 0.0
 
@@ -104,6 +138,9 @@ HEADING: tuple[Wrong, ...] = (
     (_unscaled, "the middle is right, but both axes must reach equally far"),
     (_turned_over, "this is where north is, seen from the robot: where is the robot then?"),
     (_off_by_a_quarter, "this counts from north: where is yaw 0?"),
+    (_clockwise_heading, "when the robot turns left, the field turns right: mind the sign"),
+    (_half_the_circle, "atan knows half of the circle only: which function knows all of it?"),
+    (_heading_in_degrees, "angles are radians everywhere"),
     (_no_heading, NOTHING),
 )
 
@@ -122,6 +159,11 @@ def _from_the_magnet(x: float, y: float, yaw: float, magnet: Pair) -> Pair:
     return cos(yaw) * east + sin(yaw) * north, cos(yaw) * north - sin(yaw) * east
 
 
+def _to_the_right(x: float, y: float, yaw: float, magnet: Pair) -> Pair:
+    east, north = magnet[0] - x, magnet[1] - y
+    return cos(yaw) * east + sin(yaw) * north, sin(yaw) * east - cos(yaw) * north
+
+
 def _nowhere(_x: float, _y: float, _yaw: float, _magnet: Pair) -> Pair:
     return 0.0, 0.0
 
@@ -130,6 +172,7 @@ EXPECTED: tuple[Wrong, ...] = (
     (_in_the_map, "expected: the difference is still in the map's axes, not in the robot's"),
     (_turned_back, "expected: turned the wrong way round, by yaw and not by -yaw"),
     (_from_the_magnet, "expected: this is the robot seen from the magnet"),
+    (_to_the_right, "expected: the second number counts to the left, this one to the right"),
     (_nowhere, "expected: still to be written"),
 )
 

@@ -10,16 +10,14 @@ from pathlib import Path
 import pytest
 
 from lodeline import cli
-from lodeline.grading import EXERCISES, GradingError, grade, mistakes
-from lodeline.grading.exercise import Mistake
+from lodeline.grading import EXERCISES, GradingError, grade, mistakes, patience
 
 Capture = pytest.CaptureFixture[str]
 MISTAKES = [
-    pytest.param(
-        name, mistake, id=f"{name}-{'-'.join(wrong.__name__ for wrong in mistake.parts.values())}"
-    )
+    pytest.param(name, part.name, wrong, hint, id=f"{part.name}-{wrong.__name__}")
     for name, exercise in EXERCISES.items()
-    for mistake in exercise.mistakes
+    for part in exercise.parts
+    for wrong, hint in part.mistakes
 ]
 
 
@@ -49,19 +47,74 @@ def test_the_solution_passes(name: str, tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(("name", "mistake"), MISTAKES)
-def test_a_known_mistake_is_told_apart_from_all_others(
-    name: str, mistake: Mistake, tmp_path: Path
-) -> None:
+def replaced(name: str, code: str) -> str:
+    """The solution, with something after its functions that takes the place of some."""
     text = EXERCISES[name].file.read_text()
-    # The student's functions, written as the mistake writes them.
-    line = "from lodeline.grading import mistakes\n" + "".join(
-        f"{function} = mistakes.{wrong.__name__}\n" for function, wrong in mistake.parts.items()
-    )
     place = text.index("@dataclass")
-    found = grade(EXERCISES[name], write(tmp_path, text[:place] + line + text[place:]), seeds=(1,))
+    return f"{text[:place]}{code}\n\n{text[place:]}"
+
+
+@pytest.mark.parametrize(("name", "function", "wrong", "hint"), MISTAKES)
+def test_a_known_mistake_is_told_apart_from_all_others(
+    name: str, function: str, wrong: Callable[..., object], hint: str, tmp_path: Path
+) -> None:
+    code = f"from lodeline.grading import mistakes\n{function} = mistakes.{wrong.__name__}"
+    found = grade(EXERCISES[name], write(tmp_path, replaced(name, code)), seeds=(1,))
     assert not found.passed
-    assert found.hint == mistake.hint
+    assert found.hint == hint
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "hint"),
+    [
+        ("odometry", "def travel(*_): 0.0, 0.0, 0.0", "travel gives None: is its `return` missing"),
+        ("odometry", "def travel(*_): return 1.0, 2.0", "travel gives 2 numbers, 3 are"),
+        ("heading", "def heading(*_): return 'north'", "heading gives a str, one number is"),
+        (
+            "measurement",
+            "def jacobian(*_): return ((1, 2), (3, 4))",
+            "gives 2 rows of 2, 2 rows of 3 are",
+        ),
+        (
+            "odometry",
+            "def travel(left, right, track, yaw): return left // 1, right, (right - left) / track",
+            "travel(0.02, 0.03, 0.1, 0) gives 0, 0.03, 0.1, should be 0.0249688, 0.00124948, 0.1",
+        ),
+    ],
+)
+def test_a_mistake_that_nobody_knows_is_told_by_its_shape_or_by_an_example(
+    name: str, code: str, hint: str, tmp_path: Path
+) -> None:
+    found = grade(EXERCISES[name], write(tmp_path, replaced(name, code)), seeds=(1,))
+    assert not found.passed
+    assert hint in found.hint
+
+
+def test_what_follows_from_a_wrong_part_is_told_after_it(tmp_path: Path) -> None:
+    """Also with a Jacobian that fits the wrong expectation."""
+    code = "expected = lambda x, y, yaw, m: (m[0] - x, m[1] - y)\n"
+    code += "jacobian = lambda *_: ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0))"
+    found = grade(EXERCISES["measurement"], write(tmp_path, replaced("measurement", code)), (1,))
+    assert found.hint == mistakes.EXPECTED[0][1]
+
+
+@pytest.mark.parametrize("place", ["def travel(*_): exit()", "exit()"])
+def test_a_file_that_ends_the_program_does_not_pass(
+    place: str, tmp_path: Path, capsys: Capture
+) -> None:
+    mine = write(tmp_path, replaced("odometry", place))
+    assert cli.main(["grade", "odometry", str(mine)]) == 1
+    assert f"{mine} ends the program: line " in capsys.readouterr().err
+
+
+def test_a_loop_that_never_ends_is_told_with_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(patience, "PATIENCE", 1.0)
+    mine = write(tmp_path, replaced("odometry", "def travel(*_):\n    while True: pass"))
+    line = mine.read_text().splitlines().index("    while True: pass") + 1
+    with pytest.raises(GradingError, match=f"at line {line}: does a loop there never end"):
+        grade(EXERCISES["odometry"], mine, (1,))
 
 
 def test_another_way_to_write_it_passes_too(tmp_path: Path) -> None:
