@@ -208,4 +208,5 @@ class Supervisor:
         for child, life in zip(self.children, lives, strict=True):
             child.terminate()
             await asyncio.wait([life], timeout=share)
-        await asyncio.wait(lives)
+        if lives:  # a host without nodes is a window
+            await asyncio.wait(lives)

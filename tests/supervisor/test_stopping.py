@@ -76,6 +76,15 @@ def test_a_run_of_so_many_seconds_ends_by_itself(supervise: Start) -> None:
     assert 0.4 < time.monotonic() - began < 1.5 * patience()
 
 
+def test_a_host_without_nodes_stays_up_and_stops_as_others_do(supervise: Start) -> None:
+    up = supervise()
+    up.wait("lodeline", "released")
+    code, seconds = stopped_in(up, signal.SIGINT)
+    assert code == 130
+    assert seconds < 1.0 * patience()
+    assert not any("Traceback" in text for _, text in up.lines)
+
+
 def test_a_node_waiting_for_its_restart_does_not_hold_up_the_stop(supervise: Start) -> None:
     up = supervise(("bad", "crash"), ("sink", "good"), backoff={"first": 5.0})
     up.wait("lodeline", "NODE_EXIT bad")
