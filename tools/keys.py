@@ -10,16 +10,14 @@ Exit codes: 0 made, 1 failed, 2 usage.
 from __future__ import annotations
 
 import argparse
-import ipaddress
-import re
 import sys
 from pathlib import Path
 
+from lodeline.pipeline.hosts import is_address
 from lodeline.pipeline.shape import NAME
 from lodeline.terminal.numbers import positive
 
 EXIT_FAILED = 1
-DOMAIN_NAME = re.compile(r"[A-Za-z0-9-]+(\.[A-Za-z0-9-]+)*")
 
 
 def main(argv: list[str]) -> int:
@@ -77,15 +75,9 @@ def _host(text: str) -> str:
 
 
 def _address(text: str) -> str:
-    try:
-        ipaddress.ip_address(text.strip("[]"))
-    except ValueError:
-        last = text.rpartition(".")[2]
-        if last.isdigit() or not DOMAIN_NAME.fullmatch(text):
-            what = "is neither an IP address nor the name of a machine"
-            raise argparse.ArgumentTypeError(
-                f"{text!r} {what} (a port does not belong here)"
-            ) from None
+    if not is_address(text):
+        what = "is neither an IP address nor the name of a machine (a port does not belong here)"
+        raise argparse.ArgumentTypeError(f"{text!r} {what}")
     return text
 
 

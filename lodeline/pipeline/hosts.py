@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import re
 
 from lodeline.pipeline.document import Item
@@ -10,6 +11,7 @@ from lodeline.pipeline.shape import Shape
 
 DEFAULT = "robot"
 _ADDRESS = re.compile(r"((tcp|tls)/)?(\[[0-9a-fA-F:]+\]|[A-Za-z0-9.-]+)(:[0-9]{1,5})?")
+_DOMAIN_NAME = re.compile(r"[A-Za-z0-9-]+(\.[A-Za-z0-9-]+)*")
 _LOOPBACK = re.compile(r"(tcp/)?(127\.[0-9.]+|\[::1\]|localhost)(:[0-9]+)?")
 
 
@@ -68,4 +70,18 @@ def _address(shape: Shape, item: Item | None, what: str) -> str | None:
     if parts is None or (parts[4] and not 0 < int(parts[4][1:]) < 65536):
         shape.fault(item.place, f"{what} must be [tcp/|tls/]ADDRESS[:PORT], got {text!r}")
         return None
+    if not is_address(parts[3]):
+        text = f"{parts[3]!r} is neither an IP address nor the name of a machine"
+        shape.fault(item.place, f"{what}: {text}")
+        return None
     return text
+
+
+def is_address(text: str) -> bool:
+    """Whether it is an IP address (brackets allowed), or may be the name of a machine."""
+    try:
+        ipaddress.ip_address(text.strip("[]"))
+    except ValueError:
+        # No name ends in a number: that was meant to be an address.
+        return bool(_DOMAIN_NAME.fullmatch(text)) and not text.rpartition(".")[2].isdigit()
+    return True

@@ -71,6 +71,11 @@ CASES: dict[str, tuple[str, str, str]] = {
         "connect: «http://10.0.0.1",
         "connect must be [tcp/|tls/]ADDRESS[:PORT], got 'http://10.0.0.1'",
     ),
+    "address that is none": (
+        "connect: 10.0.0.1",
+        "connect: «10.0.0.256",
+        "connect: '10.0.0.256' is neither an IP address nor the name of a machine",
+    ),
     "port beyond 65535": (
         "connect: 10.0.0.1",
         "connect: «10.0.0.1:70000",
