@@ -197,13 +197,13 @@ def estimates(
     return samples
 
 
-@pytest.mark.parametrize("gap", [0.5, 2.6, 6.0])
+@pytest.mark.parametrize("gap", [2.6, 6.0])
 def test_a_restored_ekf_that_gets_nothing_of_what_it_missed_is_less_sure_and_holds_the_truth(
     gap: float, estimates: list[Sample], pipeline: Pipeline, tmp_path: Path
 ) -> None:
     """As after a kill whose gap is longer than what senders keep, or that nobody answers for."""
     truth = [m for key, m in estimates if key == "rover/truth" and isinstance(m, Odometry)]
-    for killed in (4.0, 9.3, 14.1):
+    for killed in (4.0, 9.3):
         begin, end = (truth[0].stamp + round(at * NANO) for at in (killed, killed + gap))
         lives = [graph_of(pipeline, ("ekf",), tmp_path) for _ in range(2)]
         said: tuple[list[PoseEstimate], ...] = ([], [])

@@ -210,10 +210,9 @@ def cut_power(up: Talk, base: Path) -> None:
     ("moment", "damage"),
     [
         (("lodeline", "pipeline.yaml: little"), lambda data: b""),
-        (("sink", r"saw 9"), lambda data: data[: len(data) // 2]),
-        (("sink", r"saw 3"), lambda data: bytes(len(data))),
+        (("sink", r"saw 5"), lambda data: data[: len(data) // 2] + bytes(len(data) // 2)),
     ],
-    ids=["empty", "cut", "zeros"],
+    ids=["empty", "half zeros"],
 )
 def test_after_a_power_cut_the_next_up_removes_what_was_left_and_says_so(
     shell: Shell,
@@ -234,12 +233,8 @@ def test_after_a_power_cut_the_next_up_removes_what_was_left_and_says_so(
     second = up()
     second.wait("lodeline", r"LEFTOVER files of a run that died were removed, \d+ process")
     second.wait("sink", r"saw \d+")
+    assert not first.said("lodeline", "LEFTOVER")
     assert shell.run("logs", "sink").returncode == 0
-    second.signal(signal.SIGINT)
-    assert second.end() == 130
-    third = up("--seconds", "0.1")
-    assert third.end() == 0
-    assert not third.said("lodeline", "LEFTOVER")
 
 
 def test_an_edited_file_changes_nothing_that_runs_and_ps_and_check_say_so(
