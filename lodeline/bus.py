@@ -59,18 +59,22 @@ class Publisher:
             congestion_control=zenoh.CongestionControl.DROP,
         )
         self._source = zenoh.SourceInfo(self._publisher.id, 0)
+        self._lock, self._told = threading.Lock(), False
         self._listener = self._publisher.declare_matching_listener(
             zenoh.handlers.Callback(self._matching, indirect=False)
         )
         status: Any = self._publisher.matching_status  # zenoh's own stub calls it a bool
-        self.watched = status.matching
+        with self._lock:
+            if not self._told:  # else that came while we asked, and is newer
+                self.watched = status.matching
 
     def put(self, data: bytes) -> None:
         """Send; never blocks, drops where a listener cannot follow."""
         self._publisher.put(data, source_info=self._source)
 
     def _matching(self, status: zenoh.MatchingStatus) -> None:
-        self.watched = status.matching
+        with self._lock:
+            self.watched, self._told = status.matching, True
         self.on_watched()
 
 
