@@ -18,6 +18,7 @@ from mcap.summary import Summary
 
 _RECORD = struct.Struct("<BQ")  # opcode, length
 _MESSAGE = struct.Struct("<BQHIQQ")  # these, channel, sequence, log and publish time; data follow
+_parts = _MESSAGE.unpack_from
 
 Found = tuple[int, int, int, int, int, int, bytes]
 """Log time [ns], place of the chunk, place in it, channel, sequence, publish time [ns], data."""
@@ -44,21 +45,21 @@ def messages(
 
 def _of_chunk(
     stream: BinaryIO, index: ChunkIndex, channels: Collection[int], since: int
-) -> Iterator[Found]:
+) -> list[Found]:
     offset = index.chunk_start_offset
     stream.seek(offset + _RECORD.size)
     unpacked, size = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-    data, begin = unpacked.read(size), 0
-    is_message, fits = int(Opcode.MESSAGE), size - _MESSAGE.size
+    # with some zeros behind it even the shortest record can be looked at as if it were a message
+    data, begin = unpacked.read(size) + bytes(_MESSAGE.size), 0
+    is_message, before, header, parts = int(Opcode.MESSAGE), _RECORD.size, _MESSAGE.size, _parts
+    found: list[Found] = []
     while begin < size:
-        place, opcode = begin, data[begin]
-        if opcode == is_message and begin <= fits:
-            _, length, channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, begin)
-            begin += _RECORD.size + length
-            if channel in channels and log_time >= since and begin <= size:
-                body = data[place + _MESSAGE.size : begin]
-                yield log_time, offset, place, channel, sequence, publish_time, body
-        else:
-            begin += _RECORD.size + _RECORD.unpack_from(data, begin)[1]
+        place = begin
+        opcode, length, channel, sequence, log_time, publish_time = parts(data, place)
+        begin += before + length
         if begin > size:
-            raise ValueError(f"a record of {begin - place} bytes at the end of a chunk")
+            raise ValueError(f"a record of {before + length} bytes at the end of a chunk")
+        if opcode == is_message and channel in channels and log_time >= since:
+            body = data[place + header : begin]
+            found.append((log_time, offset, place, channel, sequence, publish_time, body))
+    return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ from mcap.records import Channel, Schema
 from mcap.summary import Summary
 
 from lodeline.recording import RecordingError, unreadable
-from lodeline.recording.chunks import messages
+from lodeline.recording.chunks import Found, messages
 from lodeline.recording.ends import check_ends, way_out
 from lodeline.recording.write import MESSAGE_ENCODING, METADATA
 from lodeline_msgs import MESSAGES, DecodeError, Message, unpacker_of
@@ -95,46 +95,47 @@ class Recording:
 
         Those logged before `since` [ns] are left out.
         """
-        ours = {key for key, info in self.channels.items() if info.type is not None}
-        wanted = ours if keys is None else ours & set(keys)
-        if not wanted:
-            return
-        summary = self._summary
-        topics = {each.id: each.topic for each in summary.channels.values()}
-        channels = {number for number, topic in topics.items() if topic in wanted}
-        found = messages(self._stream, summary, channels, since)
-        if not summary.chunk_indexes:  # a file as others may write it
-            found = (
-                (
-                    message.log_time,
-                    0,
-                    0,
-                    channel.id,
-                    message.sequence,
-                    message.publish_time,
-                    message.data,
-                )
-                for _, channel, message in self._reader.iter_messages(
-                    topics=wanted, starting_at=since
-                )
-            )
+        topics = self._topics(keys)
         with self._damage():
-            for log_time, _, _, channel, sequence, publish_time, data in found:
+            for log_time, _, _, channel, sequence, publish_time, data in self._found(topics, since):
                 yield Packed(topics[channel], data, publish_time, sequence, log_time)
 
     def samples(self, keys: Collection[str] | None = None) -> Iterator[Sample]:
         """Messages as objects, in the same order; RecordingError for one that is malformed."""
-        unpackers = {
-            key: unpacker_of(info.type)
-            for key, info in self.channels.items()
-            if info.type is not None
+        topics = self._topics(keys)
+        ways: dict[int, tuple[str, Callable[[bytes], Message]]] = {}
+        for channel, key in topics.items():
+            known = self.channels[key].type
+            assert known is not None  # else it would be none of the topics
+            ways[channel] = key, unpacker_of(known)
+        with self._damage():
+            for log_time, _, _, channel, _, _, data in self._found(topics, 0):
+                key, unpacker = ways[channel]
+                try:
+                    message = unpacker(data)
+                except DecodeError as error:
+                    raise RecordingError(f"{self.path}: {key} at {log_time} ns: {error}") from None
+                yield Sample(key, message, log_time)
+
+    def _topics(self, keys: Collection[str] | None) -> dict[int, str]:
+        """Keys that are asked for (None: all) and known, by the number of their channel."""
+        return {
+            each.id: each.topic
+            for each in self._summary.channels.values()
+            if self.channels[each.topic].type is not None and (keys is None or each.topic in keys)
         }
-        for key, data, _, _, log_time in self.packed(keys):
-            try:
-                message = unpackers[key](data)
-            except DecodeError as error:
-                raise RecordingError(f"{self.path}: {key} at {log_time} ns: {error}") from None
-            yield Sample(key, message, log_time)
+
+    def _found(self, topics: Mapping[int, str], since: int) -> Iterator[Found]:
+        if not topics:
+            return iter(())
+        if self._summary.chunk_indexes:
+            return messages(self._stream, self._summary, topics, since)
+        return (  # a file as others may write it
+            (each.log_time, 0, 0, channel.id, each.sequence, each.publish_time, each.data)
+            for _, channel, each in self._reader.iter_messages(
+                topics=set(topics.values()), starting_at=since
+            )
+        )
 
     def _read_summary(self) -> None:
         summary = self._reader.get_summary()
