@@ -29,6 +29,8 @@ from lodeline_msgs import Message
 MOST_LATENESS = 4096
 """Ticks whose lateness is kept, until the next report takes them."""
 
+_number = Message.__dict__["seq"].__set__
+
 M = TypeVar("M", bound=Message)
 P = TypeVar("P")
 
@@ -68,8 +70,9 @@ class Sender(Generic[M]):
     def send(self, message: M) -> None:
         """Hand a new message to every listener; it must not be sent twice."""
         # Its number is its sender's to give, and nobody has seen the message yet.
-        object.__setattr__(message, "seq", self.seq)
-        self.seq += 1
+        seq = self.seq
+        _number(message, seq)
+        self.seq = seq + 1
         for sink in self.sinks:
             sink(message)
 

@@ -52,6 +52,13 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
     )
 
 
+def turned_about_z(q: Quaternion, angle: float) -> Quaternion:
+    """Rotate by q first, then by `angle` [rad] about the vertical axis of the world."""
+    x, y, z, w = q
+    s, c = sin(0.5 * angle), cos(0.5 * angle)
+    return (c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z)
+
+
 def rotate(q: Quaternion, v: Vector) -> Vector:
     """R(q) v: a body vector in world axes, for a body to world quaternion of unit norm."""
     x, y, z, w = q

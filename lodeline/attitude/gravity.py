@@ -9,7 +9,7 @@ from math import sqrt
 
 from lodeline.attitude.rest import RestState
 from lodeline.attitude.strapdown import unit
-from lodeline.rotation import IDENTITY, Quaternion, Vector, multiply, rotate
+from lodeline.rotation import IDENTITY, Quaternion, Vector, rotate
 
 
 @dataclass(slots=True)
@@ -45,5 +45,14 @@ def level(s: GravityState, tilt_time: float, dt: float, force: Vector) -> None:
     if norm > 0.0:
         # the shortest turn from the filtered vector to straight up
         half = sqrt(max(0.5 * (ez / norm + 1.0), 1e-12))
-        turn = (0.5 * ey / (norm * half), -0.5 * ex / (norm * half), 0.0, half)
-        s.tilt = unit(multiply(turn, s.tilt))
+        a, b = 0.5 * ey / (norm * half), -0.5 * ex / (norm * half)
+        x, y, z, w = s.tilt
+        # (a, b, 0, half) times the tilt
+        s.tilt = unit(
+            (
+                half * x + a * w + b * z,
+                half * y - a * z + b * w,
+                half * z + a * y - b * x,
+                half * w - a * x - b * y,
+            )
+        )

@@ -7,7 +7,7 @@ bias is measured whenever the sensor rests.
 """
 
 from dataclasses import dataclass
-from math import cos, pi, sin, sqrt, tau
+from math import pi, sqrt, tau
 from typing import Annotated
 
 from lodeline.attitude.base import Attitude, positive
@@ -18,7 +18,14 @@ from lodeline.attitude.gravity import GravityState, level
 from lodeline.attitude.iron import without_iron
 from lodeline.attitude.rest import BIAS_AT_REST, REST_MEAN_TIME, RestParams, resting, surprise
 from lodeline.attitude.strapdown import ahead, turned, unit
-from lodeline.rotation import Quaternion, Vector, from_rotation_vector, multiply, rotate
+from lodeline.rotation import (
+    Quaternion,
+    Vector,
+    from_rotation_vector,
+    multiply,
+    rotate,
+    turned_about_z,
+)
 
 COMPASS_STD = 0.035  # [rad] what is left of heading error in a calm field
 BIAS_AT_START = 0.0087  # [rad/s] half a degree per second
@@ -112,8 +119,7 @@ class Soft(Attitude):
         """Body to world (x, y, z, w)."""
         s = self._state
         now = multiply(s.strapdown, ahead(s.rate, s.bias, self.params.latency))
-        upright = multiply(s.tilt, now)
-        return unit(multiply((0.0, 0.0, sin(0.5 * s.heading), cos(0.5 * s.heading)), upright))
+        return unit(turned_about_z(multiply(s.tilt, now), s.heading))
 
     @property
     def gyro_bias(self) -> Vector:

@@ -9,9 +9,9 @@ def turned(before: Vector, now: Vector, bias: Vector, dt: float) -> Vector:
     Taking the later sample alone would run half a sample ahead. The cross product is the coning
     term (Magnus expansion to fourth order in dt).
     """
-    bx, by, bz = bias
-    ax, ay, az = before[0] - bx, before[1] - by, before[2] - bz
-    cx, cy, cz = now[0] - bx, now[1] - by, now[2] - bz
+    (ax, ay, az), (cx, cy, cz), (bx, by, bz) = before, now, bias
+    ax, ay, az = ax - bx, ay - by, az - bz
+    cx, cy, cz = cx - bx, cy - by, cz - bz
     h, k = 0.5 * dt, dt * dt / 12.0
     return (
         h * (ax + cx) + k * (ay * cz - az * cy),
@@ -22,13 +22,9 @@ def turned(before: Vector, now: Vector, bias: Vector, dt: float) -> Vector:
 
 def ahead(rate: Vector, bias: Vector, latency: float) -> Quaternion:
     """The turn that a sensor late by `latency` [s] has not seen yet, at a rate [rad/s] kept up."""
-    return from_rotation_vector(
-        (
-            latency * (rate[0] - bias[0]),
-            latency * (rate[1] - bias[1]),
-            latency * (rate[2] - bias[2]),
-        )
-    )
+    (wx, wy, wz), (bx, by, bz) = rate, bias
+    turn = latency * (wx - bx), latency * (wy - by), latency * (wz - bz)
+    return from_rotation_vector(turn)
 
 
 def unit(q: Quaternion) -> Quaternion:

@@ -12,7 +12,6 @@ from typing import Annotated
 from lodeline.rotation import (
     Matrix,
     Vector,
-    apply,
     compose,
     determinant,
     matrix_from_euler,
@@ -71,25 +70,31 @@ class Calibrator:
         mounting = matrix_from_euler(*calibration.mounting)
         sx, sy, sz = calibration.accel_scale
         self._mounting = mounting
+        self._gyro_zero, self._accel_offset = calibration.gyro_zero, calibration.accel_offset
+        self._mag_offset = calibration.mag_offset
         self._accel = compose(mounting, ((sx, 0.0, 0.0), (0.0, sy, 0.0), (0.0, 0.0, sz)))
         self._mag = compose(mounting, _rows(calibration.mag_matrix))
 
     def angular_velocity(self, raw: Vector) -> Vector:
         """Body rates [rad/s] from chip rates [rad/s]."""
-        return apply(self._mounting, _less(raw, self.calibration.gyro_zero))
+        return _corrected(self._mounting, raw, self._gyro_zero)
 
     def linear_acceleration(self, raw: Vector) -> Vector:
         """Specific force [m/s^2] in body axes from chip readings [m/s^2]."""
-        return apply(self._accel, _less(raw, self.calibration.accel_offset))
+        return _corrected(self._accel, raw, self._accel_offset)
 
     def magnetic_field(self, raw: Vector) -> Vector:
         """Field [T] in body axes from chip readings [T], hard and soft iron taken out."""
-        return apply(self._mag, _less(raw, self.calibration.mag_offset))
+        return _corrected(self._mag, raw, self._mag_offset)
 
 
 def _rows(m: _Nine) -> Matrix:
     return ((m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8]))
 
 
-def _less(v: Vector, offset: Vector) -> Vector:
-    return (v[0] - offset[0], v[1] - offset[1], v[2] - offset[2])
+def _corrected(m: Matrix, raw: Vector, offset: Vector) -> Vector:
+    """m (raw - offset)."""
+    (a, b, c), (d, e, f), (g, h, i) = m
+    (x, y, z), (x0, y0, z0) = raw, offset
+    x, y, z = x - x0, y - y0, z - z0
+    return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
