@@ -38,7 +38,7 @@ def main(argv: list[str]) -> int:
         answers = [data.decode() for _, data in query(target.folder, key, TIMEOUT_S)]
     except BusError:
         answers = []
-    said = ", ".join(answers) or "its supervisor is silent"
+    said = ", ".join(answers) or "its supervisor does not answer"
     place = manifest.places.get(arguments.node)
     if not answers and place not in (None, *manifest.hosts):
         said += f": is {place} linked (`lodeline doctor net`), and does the file there grant it?"

@@ -157,7 +157,7 @@ def test_an_order_is_taken_only_where_the_ordered_host_grants_it(net: Net, keys:
             assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
             result = laptop.call("restart", "source")
             assert result.returncode == 1
-            assert "is robot linked (`lodeline doctor net`), and does the file" in result.stdout
+            assert "is robot linked (`lodeline doctor net`), and does the file" in result.stderr
             assert robot.call("restart", "source").returncode == 0  # its own tools may
             before = restarts(robot)
             assert before == 1

@@ -221,7 +221,7 @@ def test_a_supervisor_that_stands_still_is_named(up: Up) -> None:
     said = f"rover runs, but its supervisor, pid {pid}, is silent\n"
     assert (listed.returncode, listed.stdout, listed.stderr) == (4, "", said)
     assert (restarted.returncode, restarted.stdout) == (1, "")
-    assert restarted.stderr == "ekf: its supervisor is silent\n"
+    assert restarted.stderr == "ekf: its supervisor does not answer\n"
 
 
 def test_tools_end_when_their_pipeline_does(tmp_path: Path) -> None:
