@@ -115,6 +115,31 @@ def test_map_and_plots_are_drawn(page: Chromium) -> None:
     assert page.run("document.querySelectorAll('#plots canvas').length") == 8
 
 
+@pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
+def test_the_close_up_never_stays_over_the_robot(
+    chromium: Chromium, dash: Dash, size: tuple[int, int]
+) -> None:
+    chromium.open(dash.url, *size)
+    assert chromium.comes_true(LIVE)
+    covered = chromium.run("""(async () => {
+      const { CloseUp } = await import('./closeup.js');
+      const canvas = document.getElementById('closeup');
+      const map = document.getElementById('map').getBoundingClientRect();
+      const glass = new CloseUp(canvas);
+      const covered = [];
+      for (let y = 10; y < map.height - 10; y += 7) for (let x = 10; x < map.width; x += 7) {
+        glass.avoid([x, y]);
+        const box = canvas.getBoundingClientRect();
+        const [left, top] = [box.left - map.left, box.top - map.top];
+        const within = x > left && x < left + box.width && y > top;
+        if (within && y < top + box.height) covered.push([x, y]);
+        if (top < 0 || top + box.height > map.height) covered.push(['out of the map', top]);
+      }
+      return covered;
+    })()""")
+    assert covered == []
+
+
 def test_pause_stands_still_and_scrubbing_goes_back(page: Chromium, up: Up) -> None:
     ear = Ear(up, "pose")
     assert ear.hears("pose", lambda _: True, 30.0)

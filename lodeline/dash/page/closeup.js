@@ -2,9 +2,19 @@
 
 import { FONT, Surface, colours } from "./dom.js";
 
+const CLEAR = 9; // px between it and the robot under it
+
 export class CloseUp {
   constructor(canvas) {
     this.surface = new Surface(canvas);
+  }
+
+  // To the other end of its side of the map, when the robot at (x, y) px would be under it.
+  avoid(robot) {
+    const { canvas } = this.surface;
+    const { offsetLeft: left, offsetTop: top, offsetWidth: wide, offsetHeight: high } = canvas;
+    const within = (at, low, length) => at > low - CLEAR && at < low + length + CLEAR;
+    if (robot && within(robot[0], left, wide) && within(robot[1], top, high)) canvas.classList.toggle("up");
   }
 
   draw(frame) {

@@ -191,6 +191,7 @@ function draw(time) {
   dirty = false;
   const frame = store.shown;
   map.draw(store);
+  closeUp.avoid(map.robotAt);
   closeUp.draw(frame);
   if (frame) {
     showPose(frame);

@@ -105,6 +105,7 @@ export class FloorMap {
     this.trail(c, store.frames, index, "truth", colours.truth, 5, [], 0.35);
     this.trail(c, store.frames, index, "odom", colours.odom, 2, [7, 4], 1);
     this.trail(c, store.frames, index, "pose", colours.ekf, 2.4, [], 1);
+    this.robotAt = frame?.best && [this.x(frame.best.x), this.y(frame.best.y)];
     if (frame?.best) this.robot(c, frame, store.scene.floor.bar_x);
     else this.nothingYet(c, store);
     this.scaleBar(c);
