@@ -271,9 +271,11 @@ def _wheels_verdict(name: str, fit: WheelFit) -> str:
 def _use(args: argparse.Namespace, section: Section) -> str:
     if args.kind == "wheels":
         names = ("wheel_radius", "track", "left_sign", "right_sign")
-        values = ", ".join(f"{name}: {section[name]}" for name in names if name in section)
+        values = ", ".join(f"{name}: {section[name]:.6g}" for name in names if name in section)
         return f"to use it, write into the params of nodes/odometry.py: {{{values}}}"
-    return f"to use it, write into the params of nodes/calibrate.py: {{file: {args.output}}}"
+    return (
+        f"to use it, write into the params of nodes/calibrate.py: {{file: {args.output.resolve()}}}"
+    )
 
 
 if __name__ == "__main__":

@@ -18,8 +18,7 @@ from lodeline.loading import shipped
 FAILED = 1
 NEXT = """\
 next:
-  cd {folder}
-  lodeline check     is everything wired as it should be?
+{enter}  lodeline check     is everything wired as it should be?
   lodeline up        start it with a simulated robot (Ctrl-C stops it)
   lodeline doctor    on the robot: is everything there?"""
 
@@ -41,7 +40,8 @@ def main(argv: list[str]) -> int:
     except OSError as error:
         print(f"lodeline new: {error.filename}: {error.strerror}", file=sys.stderr)
         return FAILED
-    print(NEXT.format(folder=folder), file=sys.stderr)
+    enter = "" if folder.resolve() == Path.cwd() else f"  cd {folder}\n"
+    print(NEXT.format(enter=enter), file=sys.stderr)
     return 0
 
 
