@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import math
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -28,6 +30,8 @@ from lodeline.node import Input, Node, Output
 from lodeline.odometry import Odometry as Wheels
 from lodeline.odometry import OdometryParams
 from lodeline.recent import Recent
+from lodeline.recording.read import Recording
+from lodeline.recording.write import RecordingWriter
 from lodeline.rotation import IDENTITY
 from lodeline.status import Outlet
 from lodeline_msgs import Odometry, pack, packer_of, unpacker_of
@@ -140,8 +144,24 @@ def ekf(gyro: bool) -> Callable[[int], object]:
     return take
 
 
-def spin(localizer: Localizer, stamp: int) -> None:
-    localizer.attitude(stamp, IDENTITY, (0.0, 0.0, 0.01), 0.1, disturbed=False)
+def spin(localizer: Localizer, stamp: int, rate: float = 0.01) -> None:
+    localizer.attitude(stamp, IDENTITY, (0.0, 0.0, rate), 0.1, disturbed=False)
+
+
+def ekf_with_late_gyro() -> Callable[[int], object]:
+    """Two readings of the gyro for each odometry, with which it agrees; the later one comes when
+    the odometry that passes it has been: as out of the FIFO of a chip.
+    """
+    localizer = Localizer(LocalizerParams())
+    four = (1e-6, 0.0, 0.0, 1e-6)
+
+    def take(number: int) -> None:
+        stamp = 10_000_000 * (number + 1)
+        spin(localizer, stamp - 7_000_000, 0.0)
+        localizer.odometry(stamp, 1e-4 * number, 0.0, 0.0, four, 0.01, 0)
+        spin(localizer, stamp - 2_000_000, 0.0)
+
+    return take
 
 
 def ekf_without_wheels() -> Callable[[int], object]:
@@ -160,6 +180,22 @@ def replayed() -> Callable[[int], object]:
     return lambda _: graph.deliver("in", unpack(data))
 
 
+def recorded() -> Callable[[int], object]:
+    """A sample out of a recording, on every other key of which nobody asks for anything."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "two.mcap"
+        with file.open("wb") as stream:
+            writer = RecordingWriter(stream, {})
+            for number in range(MANY + FEW):
+                writer.write("odom", moved(number))
+                writer.write("other", moved(number))
+            writer.close()
+        samples = Recording(file).samples(["odom"])
+        next(samples)  # what is open outlives its name
+
+    return lambda number: number + 1 < MANY + FEW and next(samples)
+
+
 PATHS: dict[str, tuple[Callable[[], Callable[[int], object]], int]] = {
     "a hop between processes": (lambda: hop(True), 920),
     "a hop that nobody listens to": (lambda: hop(False), 850),
@@ -168,7 +204,9 @@ PATHS: dict[str, tuple[Callable[[], Callable[[int], object]], int]] = {
     "ekf": (lambda: ekf(gyro=False), 3010),
     "ekf with gyro": (lambda: ekf(gyro=True), 6820),
     "ekf without wheels": (ekf_without_wheels, 370),
+    "ekf with late gyro": (ekf_with_late_gyro, 6200),
     "a sample of a replay": (replayed, 640),
+    "a sample out of a recording": (recorded, 600),
 }
 """What is guarded, and the steps that a sample takes there with CPython 3.11."""
 
