@@ -22,7 +22,7 @@ from typing import Annotated
 
 from lodeline.bench import light_robot
 from lodeline.bench.machines import Machine, Wire, missing
-from lodeline.bench.pair import Ear, Side
+from lodeline.bench.pair import HOSTS, Ear, Side
 from lodeline.supervisor.usage import Usage
 from lodeline.tables import table
 from lodeline.terminal.numbers import count, positive
@@ -31,12 +31,7 @@ EXIT_FAILED = 1
 DOWN_SAMPLED = "link_rate: {imu/data_raw: 20}"
 
 
-PIPELINE = """
-name: {name}
-hosts:
-  robot: {{listen: {address}}}
-  laptop: {{connect: {address}}}
-{more}
+NODES = """
 nodes:
   robot: {{run: {program}, outputs: {{data_raw: imu/data_raw, odom: odom}}}}
 """
@@ -87,7 +82,9 @@ class Fleet:
             file = place / "pipeline.yaml"
             program = Path(light_robot.__file__)
             address = wire.addresses[0]
-            file.write_text(PIPELINE.format(name=name, address=address, program=program, more=more))
+            file.write_text(
+                (HOSTS + NODES).format(name=name, address=address, program=program, more=more)
+            )
             robot = Side(machine, file, "robot", place)
             self._stack.callback(robot.stop)
             self.sides[name] = side = Side(self.laptop, file, "laptop", place)

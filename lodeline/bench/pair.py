@@ -25,12 +25,14 @@ from lodeline_msgs import MESSAGES, unpack
 
 PATIENCE_S = 30.0
 RECORDS = 20_000  # bytes of a recording that is under way
-PIPELINE = """
+HOSTS = """
 name: {name}
 hosts:
   robot: {{listen: {address}}}
   laptop: {{connect: {address}}}
 {more}
+"""
+NODES = """
 nodes:
   simulator: {{run: {nodes}/simulator.py, outputs: {{truth: truth}}, params: {{rate: 50}}}}
   imu: {{run: {nodes}/imu.py, outputs: {{data_raw: imu/data_raw, mag_raw: imu/mag_raw}},
@@ -192,7 +194,7 @@ class Pair:
             make_keys(folder / "keys", address)
         more = "tls: keys" if secured else ""
         file.write_text(
-            PIPELINE.format(name="rover", address=address, nodes=shipped("nodes"), more=more)
+            (HOSTS + NODES).format(name="rover", address=address, nodes=shipped("nodes"), more=more)
         )
         try:
             self.robot, self.laptop = (
