@@ -312,10 +312,16 @@ class Gateway(Session):
     are small, for samples grow old in large ones (at 256 kbit/s p99 4.7 s, here 0.4 s).
     """
 
-    def __init__(self, run_folder: Path, link: Link) -> None:
+    def __init__(
+        self,
+        run_folder: Path,
+        link: Link,
+        look: Callable[[str, float, bool, int], None] = lambda *_: None,
+    ) -> None:
+        """`look` is told what waits on the link, see `hosts.patience`."""
         from lodeline.hosts.patience import Impatience
 
-        self._impatience = Impatience()
+        self._impatience = Impatience(look)
         self._impatience.start()
         super().__init__(
             {

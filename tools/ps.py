@@ -106,6 +106,8 @@ def _shown(report: dict[str, Any]) -> str:
     head += f"\n  {text}" if (text := told(report["edited"])) else ""
     if refused := report.get("refused"):
         head += f"\n  LINK_REFUSED {refused['who']}: {refused['why']}: {refused['remedy']}"
+    if slow := report.get("slow"):
+        head += f"\n  {slow}"
     rows = [HEADINGS, *(_row(process) for process in report["processes"])]
     widths = [max(len(row[i]) for row in rows) for i in range(len(HEADINGS))]
     lines = [

@@ -119,6 +119,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
     from lodeline.hosts.offset import NodeTime
     from lodeline.hosts.refusals import Refusals
     from lodeline.hosts.share import share_of
+    from lodeline.hosts.slowness import Advice, Slowness
     from lodeline.memory import settle
     from lodeline.notify import Notifier
     from lodeline.run_folder import RunFolder, log_folder, marker_of
@@ -189,7 +190,9 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                 overhear_links(refusals.take)
             with several_threads() if link.ends else nullcontext():
                 hub = Hub(run.path)
-            gateway = Gateway(run.path, link) if link.ends else None
+            advice = Advice(hub.collect_kept, pipeline.name, manifest.host, pipeline.link_rate)
+            slowness = Slowness(console.event, advice)
+            gateway = Gateway(run.path, link, slowness.look) if link.ends else None
             others = tuple(each for each in pipeline.hosts if link.ends and each != host)
             share = share_of(pipeline, hosts, manifest.host, shown(link.listen))
             neighbours = Neighbours(hub, share, others, console.event, HostClock(own))
@@ -215,10 +218,12 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
 
                 def report() -> bytes:
                     refused = refusals.current()
+                    slow = slowness.current(time.monotonic())
                     about = {
                         "digest": pipeline.digest,
                         "links": neighbours.describe(),
                         "refused": refused and refused._asdict(),
+                        "slow": slow and str(slow),
                     }
                     return json.dumps(about | supervisor.report()).encode()
 

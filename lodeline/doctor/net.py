@@ -43,6 +43,9 @@ def check_links(report: Report, watch: Watch) -> None:
         if refused := answer.get("refused"):
             text = f"refused: {refused['who']}: {refused['why']}"
             report.add(f"link of {word}", "FAIL", text, refused["remedy"])
+        if slow := answer.get("slow"):
+            who, takes, remedy = slow.removeprefix("LINK_SLOW ").split(": ", 2)
+            report.add(f"link to {who}", "warn", takes, remedy)
         for link in answer["links"]:
             name = f"{word} to {link['host']}"
             if link["faults"]:

@@ -1,4 +1,4 @@
-"""How long TCP waits on the link between hosts: no longer than zenoh does.
+"""How long TCP waits on the link between hosts, no longer than zenoh does; and what waits there.
 
 zenoh gives a silent link up after its lease, but waits with its end until the kernel has taken
 what it was sending. On a cut link with full buffers TCP tries for minutes, at ever longer
@@ -8,8 +8,12 @@ intervals; until the next of them fails the old link is half dead, and the new o
 from __future__ import annotations
 
 import os
+import select
 import socket
+import struct
 import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 LINK_MS = 3000
@@ -17,20 +21,27 @@ LINK_MS = 3000
 OPENING_MS = 1500
 """A new link that nobody answers is given up and tried again, so that tries stay 1 s apart."""
 LOOK_S = 0.2
-_TCP_SYN_SENT = 2
+_TCP_ESTABLISHED, _TCP_SYN_SENT = 1, 2
+_CONFIRMED = struct.Struct("=120xQ")  # bytes, in struct tcp_info of linux/tcp.h
+
+Look = Callable[[str, float, bool, int], None]
 
 
 class Impatience(threading.Thread):
-    """Sets the patience of all TCP connections of this process, until `close`."""
+    """Sets the patience of all TCP connections of this process, until `close`.
 
-    def __init__(self) -> None:
+    `look(who, now, held_back, confirmed)` is told of each at each look, see `Slowness`.
+    """
+
+    def __init__(self, look: Look) -> None:
         super().__init__(name="impatience", daemon=True)
+        self._look = look
         self._over = threading.Event()
 
     def run(self) -> None:
         while not self._over.wait(LOOK_S):
             for fd in _sockets():
-                _limit(fd)
+                _limit(fd, self._look)
 
     def close(self) -> None:
         """Leave those that come later as they are."""
@@ -50,14 +61,19 @@ def _target(link: Path) -> str:
         return ""  # closed meanwhile
 
 
-def _limit(fd: int) -> None:
+def _limit(fd: int, look: Look) -> None:
     """By a descriptor of our own: the other may be closed at any time."""
     try:
         with socket.socket(fileno=os.dup(fd)) as end:
             if end.family == socket.AF_UNIX or end.type != socket.SOCK_STREAM:
                 return
-            state = end.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0]
-            patience = OPENING_MS if state == _TCP_SYN_SENT else LINK_MS
+            known = end.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 256)
+            patience = OPENING_MS if known[0] == _TCP_SYN_SENT else LINK_MS
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, patience)
+            if known[0] == _TCP_ESTABLISHED and len(known) >= _CONFIRMED.size:
+                (confirmed,) = _CONFIRMED.unpack_from(known)
+                held_back = not select.select([], [end], [], 0.0)[1]
+                host, port = end.getpeername()[:2]
+                look(f"{host}:{port}", time.monotonic(), held_back, confirmed)
     except OSError:
         return

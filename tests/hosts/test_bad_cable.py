@@ -12,6 +12,7 @@ from lodeline.bench.cable import Fault
 from lodeline.bench.link import Bench, Row
 from lodeline.bench.machines import missing
 from lodeline.bench.pair import Pair
+from tests.support.live import lodeline
 
 pytestmark = pytest.mark.live  # its figures are of times
 
@@ -87,11 +88,15 @@ def test_five_percent_loss_costs_age_and_few_samples(
 
 
 def test_a_slow_link_drops_samples_and_keeps_young_ones(bench: Bench) -> None:
-    row = bench.cable("256 kbit/s", 4.0, Fault(rate=256e3))
-    robot_did_not_notice(row, 4.0)
+    row = bench.cable("256 kbit/s", 5.0, Fault(rate=256e3))
+    robot_did_not_notice(row, 5.0)
     assert row.laptop.lost > 100
     assert row.laptop.silence < row.during.silence + 0.5
     assert row.laptop.p99 <= 0.5 + row.during.silence  # what the robot itself held back is not it
+    shown = lodeline("ps", run=bench.pair.laptop.run).stdout
+    for text in (shown, bench.pair.robot.log()):
+        assert "LINK_SLOW 10.214.0.2:" in text
+        assert "kB/s and more is sent, samples get old or lost: write `link_rate: {" in text
 
 
 def test_a_stopped_laptop_stops_nothing_on_the_robot(bench: Bench) -> None:
