@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lodeline.watch import Watch
-from lodeline_msgs import PoseEstimate, unpack
+from lodeline_msgs import Odometry, PoseEstimate, unpack
 from tests.hosts.net import Host, Net, hosts_at
 from tests.supervisor.talk import patience
 from tests.support.live import ROOT, eventually
@@ -74,34 +74,45 @@ def test_the_default_pipeline_may_have_its_filter_on_the_laptop(net: Net) -> Non
 
 
 def test_a_robot_whose_supervisor_is_killed_is_back_and_knows_where_it_stands(net: Net) -> None:
+    """It stands wherever it was driven to, so that it is there still when its nodes are back."""
     file = default_pipeline(net, ekf="robot")
-    heard: list[tuple[float, PoseEstimate]] = []
+    file.write_text(file.read_text().replace("{seed: 1}", "{seed: 1, standing: 300}"))
+    poses: list[tuple[float, PoseEstimate]] = []
+    truths: list[Odometry] = []
 
-    def take(_key: str, data: bytes, _encoding: str) -> None:
-        heard.append((time.monotonic(), unpack(data, PoseEstimate)))
+    def take_pose(_key: str, data: bytes, _encoding: str) -> None:
+        poses.append((time.monotonic(), unpack(data, PoseEstimate)))
+
+    def stands() -> bool:
+        return bool(truths) and truths[-1].x > 0.05 and abs(truths[-1].v) < 1e-3
 
     with (
         Host(net.robot, file, "robot") as robot,
         Host(net.laptop, file, "laptop") as laptop,
         Watch(laptop.running) as watch,
     ):
-        watch.subscribe("rover/pose", 1024, take)
-        assert eventually(lambda: bool(heard) and heard[-1][1].x > 0.05, 20.0)
-        robot.call("topic", "pub", "cmd_vel", "v=0", "w=0", "--rate", "50", "-n", "25")
+        watch.subscribe("rover/pose", 1024, take_pose)
+        watch.subscribe(
+            "rover/truth", 1024, lambda _key, data, _: truths.append(unpack(data, Odometry))
+        )
+        robot.call("topic", "pub", "cmd_vel", "v=0.12", "w=0", "--rate", "50", "-n", "50")
+        assert eventually(stands, 10.0)
         unit = robot.call("service", str(file)).stdout
-        killed, before = time.monotonic(), heard[-1][1]
+        killed, truth = time.monotonic(), truths[-1]
         robot.process.kill()
         robot.process.wait()
         time.sleep(float(unit.partition("RestartSec=")[2].split()[0]))  # as systemd does
         with Host(net.robot, file, "robot", base=robot.run) as again:
             assert again.says("RESUMED nodes go on from their states")
-            fresh = [item for item in heard if item[0] > killed + 0.5]
+            assert eventually(lambda: bool(poses) and poses[-1][0] > killed + 0.5, 10.0)
+            fresh = [item for item in [*poses] if item[0] > killed + 0.5]
             back = fresh[0][0] - killed
             print(f"back on the laptop after {back:.1f} s")
-            assert back < 4.0 * patience()
-            assert eventually(lambda: len(heard) > len(fresh) + 50, 10.0)
-            after = heard[-1][1]
-            assert math.hypot(after.x - before.x, after.y - before.y) < 0.02
+            assert back < 5.0 * patience()
+            assert eventually(lambda: len(poses) - poses.index(fresh[0]) > 50, 10.0)
+            assert math.hypot(truths[-1].x - truth.x, truths[-1].y - truth.y) < 0.001
+            for _, pose in poses[poses.index(fresh[0]) :]:
+                assert math.hypot(pose.x - truth.x, pose.y - truth.y) < 0.02
 
 
 def test_the_laptop_leaves_and_returns_and_the_robot_does_not_care(net: Net) -> None:
