@@ -60,6 +60,8 @@ class Slowness:
         if len(looks) < LOOKS or not all(held for _, held, _ in looks):
             return
         (began, _, before), (ended, _, after) = looks[0], looks[-1]
+        if after == before:
+            return  # cut, not slow
         told, remedy = self._told.get(who, (-AGAIN_S, ""))
         again = now - told >= AGAIN_S
         if again:

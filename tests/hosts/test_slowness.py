@@ -33,12 +33,13 @@ def test_a_slow_link_is_told_each_minute_with_what_it_takes() -> None:
     assert slowness.current(now + FRESH_S + 0.1) is None
 
 
-def test_a_link_that_has_room_now_and_then_is_not_slow() -> None:
+def test_a_link_that_has_room_now_and_then_or_is_cut_is_not_slow() -> None:
     said: list[str] = []
     slowness = Slowness(said.append, lambda: "")
     for place in range(100):
         slowness.look("10.0.0.2:1", place * LOOK_S, place % LOOKS != 0, place * 5000)
         slowness.look("10.0.0.3:1", place * LOOK_S, False, 0)
+        slowness.look("10.0.0.4:1", place * LOOK_S, True, 5000)  # a cut one takes nothing at all
     assert said == []
     assert slowness.current(20.0) is None
 
