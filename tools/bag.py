@@ -175,6 +175,10 @@ def _export(args: argparse.Namespace) -> int:
         with Tables(args.csv, types) as tables:
             for key, message, _ in recording.samples():
                 tables.write(key, message)
+        for key, info in recording.channels.items():
+            if not info.type:
+                text = f"{args.file}: {key} is left out: {info.type_name} is no class of the wire"
+                print(text, file=sys.stderr)
     return 0
 
 

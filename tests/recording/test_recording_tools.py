@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from lodeline.cli import main as lodeline
 from lodeline.loading import shipped
@@ -117,6 +118,19 @@ def test_export_makes_a_table_of_each_key(lab_mcap: str, tmp_path: Path, bag: To
     lines = (tmp_path / "tables" / "wheels.csv").read_text().splitlines()
     assert lines[0] == "stamp,left,right,seq"
     assert len(lines) == 401
+
+
+def test_export_says_what_it_leaves_out(tmp_path: Path, bag: Tool, capsys: Capture) -> None:
+    file = tmp_path / "foreign.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("Battery", "jsonschema", b"{}")
+        writer.add_message(writer.register_channel("battery", "msgpack", schema), 1, b"\x80", 1)
+        writer.finish()  # type: ignore[no-untyped-call]
+    assert bag(["export", str(file), "--csv", str(tmp_path / "tables")]) == 0
+    assert "battery is left out: Battery is no class of the wire" in capsys.readouterr().err
+    assert not list((tmp_path / "tables").iterdir())
 
 
 def test_play_without_a_running_pipeline_exits_with_4(
