@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from tests.supervisor.talk import Talk, alive
-from tests.support.live import living
+from tests.support.live import eventually, living
 
 ROOT = Path(__file__).parents[2]
 NODES = Path(__file__).parent / "nodes"
@@ -224,6 +224,7 @@ def test_after_a_power_cut_the_next_up_removes_what_was_left_and_says_so(
     shell.write(PIPELINE)
     first = up()
     first.wait(*moment)
+    assert eventually(lambda: any(run_base.rglob("manifest.json")))
     cut_power(first, run_base)
     spoilt = [file for file in run_base.rglob("*") if file.is_file()]
     for file in spoilt:  # as a disk has them that was never told to write them down
