@@ -30,7 +30,7 @@ SECONDS = {"gyro": 5.0, "accel": 120.0, "mag": 120.0, "wheels": 120.0}
 """How long the robot is given; the gyro needs all of it."""
 SHOW_EVERY_S = 0.4
 Fit = Callable[[list[Vector]], CompassFit]
-TODO = {
+ASKED = {
     "gyro": "keep the robot still",
     "accel": "lay the sensor on each of its six sides, a second or more each",
     "mag": "turn the robot on the spot, twice, slowly",
@@ -77,7 +77,7 @@ class Wizard:
         if self.kind == "wheels":
             self._wait_for_rest()
         readings = Readings()
-        print(f"{TODO[self.kind]} ({self.seconds:.0f} s at most)", file=sys.stderr, flush=True)
+        print(f"{ASKED[self.kind]} ({self.seconds:.0f} s at most)", file=sys.stderr, flush=True)
 
         def take(data: bytes, _encoding: str) -> bool:
             readings.take(unpack(data, self._cls))
@@ -157,7 +157,7 @@ class Wizard:
             self._block.show(progress.text)
 
     def _say(self, state: str, **more: Any) -> None:
-        said = {"kind": self.kind, "todo": TODO[self.kind], "state": state} | more
+        said = {"kind": self.kind, "todo": ASKED[self.kind], "state": state} | more
         self._page.put(json.dumps(said).encode())
 
     def refused(self, why: str) -> None:
