@@ -41,6 +41,9 @@ KEEPER_BEAT_S = 5.0
 LINK_BATCH = 2048
 """Bytes of a batch on the link between hosts; two of them wait, then samples are dropped."""
 
+LARGE = 8192
+"""Bytes from which a sample has a queue of its own, lest it fill that of the small ones."""
+
 
 class BusError(RuntimeError):
     """The bus cannot be reached or opened."""
@@ -53,6 +56,7 @@ class Publisher:
         self.key = key
         self.watched = False
         self.on_watched: Callable[[], None] = _nothing
+        self._session = session
         self._publisher = session.declare_publisher(
             key,
             encoding=zenoh.Encoding(encoding),
@@ -70,7 +74,17 @@ class Publisher:
 
     def put(self, data: bytes) -> None:
         """Send; never blocks, drops where a listener cannot follow."""
-        self._publisher.put(data, source_info=self._source)
+        if len(data) < LARGE:
+            self._publisher.put(data, source_info=self._source)
+            return
+        self._session.put(
+            self.key,
+            data,
+            encoding=self._publisher.encoding,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_LOW,
+            source_info=self._source,
+        )
 
     def _matching(self, status: zenoh.MatchingStatus) -> None:
         with self._lock:

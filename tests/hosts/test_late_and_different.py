@@ -126,7 +126,7 @@ def test_a_class_with_a_new_field_is_named_and_read_unless_old_samples_lack_it(
             assert "REFUSED wheels: " in refused.stderr and "rear" in refused.stderr
 
 
-def test_a_sample_of_200_kb_crosses_the_link_and_one_of_megabytes_stops_nothing(
+def test_a_sample_of_a_megabyte_crosses_the_link_and_a_larger_one_stops_nothing(
     joined: tuple[Host, Host],
 ) -> None:
     robot, laptop = joined
@@ -142,11 +142,17 @@ def test_a_sample_of_200_kb_crosses_the_link_and_one_of_megabytes_stops_nothing(
         assert eventually(lambda: len(wheels) > 20, 5.0)
         publisher = here.publisher("rover/cmd_vel", "")
         assert eventually(lambda: publisher.watched, 5.0)
-        for size in (3_000_000, 200_000, 1_100_000, 200_001):
+
+        def crosses(size: int) -> bool:
             publisher.put(bytes(size))
-        assert eventually(lambda: 200_001 in sizes, 5.0)
+            return eventually(lambda: size in sizes, 1.0)
+
+        for too_large, size in ((3_000_000, 200_000), (1_100_000, 1_000_000)):
+            publisher.put(bytes(too_large))
+            # The one right behind it finds the queue full, and may be dropped: the next is not.
+            assert crosses(size) or crosses(size), size
         count = len(wheels)
         assert eventually(lambda: len(wheels) > count + 50, 5.0)
-    assert sizes == [200_000, 200_001]
+    assert set(sizes) == {200_000, 1_000_000}
     assert all(after == before + 1 for (_, before), (_, after) in pairwise(wheels))
     assert laptop.linked("robot")
