@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from lodeline.recording import NoRecordingError, RecordingError, texts
 from lodeline.terminal.numbers import positive, seconds
+from lodeline.terminal.parser import VerbParser
 from lodeline.watch import NothingThereError
 
 if TYPE_CHECKING:  # MCAP is loaded by the verbs that need it
@@ -42,7 +43,7 @@ def main(argv: list[str]) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """What `lodeline bag` takes."""
-    parser = argparse.ArgumentParser(
+    parser = VerbParser(
         "lodeline bag", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     verbs = parser.add_subparsers(required=True, metavar="VERB")
@@ -177,7 +178,8 @@ def _export(args: argparse.Namespace) -> int:
                 tables.write(key, message)
         for key, info in recording.channels.items():
             if not info.type:
-                text = f"{args.file}: {key} is left out: {info.type_name} is no class of the wire"
+                what = f"the schema of its class {info.type_name or 'without a name'}"
+                text = f"{args.file}: {key} is left out: {what} says nothing that a table holds"
                 print(text, file=sys.stderr)
     return 0
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from lodeline.pipeline.hosts import is_address
 from lodeline.pipeline.shape import NAME
 from lodeline.terminal.numbers import positive
+from lodeline.terminal.parser import VerbParser
 
 EXIT_FAILED = 1
 
@@ -49,13 +50,13 @@ def main(argv: list[str]) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """What `lodeline keys` takes."""
-    parser = argparse.ArgumentParser(
+    parser = VerbParser(
         prog="lodeline keys",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     verbs = parser.add_subparsers(required=True, metavar="VERB", dest="verb")
-    common = argparse.ArgumentParser(add_help=False)
+    common = VerbParser(add_help=False)
     common.add_argument(
         "--folder", type=Path, default=Path("keys"), help="where they are kept (default: keys)"
     )

@@ -12,13 +12,14 @@ import json
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lodeline.tables import table
 from lodeline.terminal.ending import ended
 from lodeline.terminal.numbers import count, positive
+from lodeline.terminal.parser import VerbParser
 from lodeline.terminal.samples import make_message, read_values, sample_text
 from lodeline.terminal.traffic import (
     Row,
@@ -30,7 +31,7 @@ from lodeline.terminal.traffic import (
     traffic,
 )
 from lodeline.watch import PATIENCE_S, NothingThereError, Watch, choose, meant_key
-from lodeline_msgs import MESSAGES, DecodeError, encoding_of, field_specs, pack
+from lodeline_msgs import MESSAGES, DecodeError, FieldSpec, encoding_of, field_specs, pack
 
 if TYPE_CHECKING:  # the bus is loaded by `lodeline.watch`
     from lodeline.bus import Publisher
@@ -60,13 +61,13 @@ def main(argv: list[str]) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """What `lodeline topic` takes."""
-    parser = argparse.ArgumentParser(
+    parser = VerbParser(
         prog="lodeline topic",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     verbs = parser.add_subparsers(required=True, metavar="VERB")
-    common = argparse.ArgumentParser(add_help=False)
+    common = VerbParser(add_help=False)
     common.add_argument("--name", metavar="PIPELINE", help="which pipeline, if several run")
     common.add_argument("--json", action="store_true", help="JSON on standard output")
 
@@ -143,7 +144,7 @@ def _info(watch: Watch, arguments: argparse.Namespace) -> int:
         row = traffic(watch.manifest, watch.statuses(PATIENCE_S), full)
     else:  # what a node says of itself is for tools alone
         row = {"key": short, "node": known.node, "rate": None, "bandwidth": None, "to": {}}
-    specs = field_specs(MESSAGES[known.type]) if known.type in MESSAGES else ()
+    specs = _fields(watch, known.type)
     policies = {item.node: item for item in watch.manifest.readers.get(full, ())}
     for node, seen in row["to"].items():
         seen |= {"queue": policies[node].queue, "max_age": policies[node].max_age}
@@ -160,6 +161,16 @@ def _info(watch: Watch, arguments: argparse.Namespace) -> int:
     print(table(("FIELD", "UNIT", "MEANING"), cells))
     print(f"\n{_readers_table(row)}" if row["to"] else "\nno node reads it")
     return 0
+
+
+def _fields(watch: Watch, name: str) -> Sequence[FieldSpec]:
+    """Fields of a message class; one that is in a node's own file is known once that is loaded."""
+    if name not in MESSAGES:
+        from lodeline.pipeline.load import load_unchanged
+
+        manifest = watch.manifest
+        load_unchanged(manifest.file, manifest.digest, manifest.overrides)
+    return field_specs(MESSAGES[name]) if name in MESSAGES else ()
 
 
 def _readers_table(row: Row) -> str:
@@ -200,15 +211,16 @@ def _traffic(watch: Watch, arguments: argparse.Namespace) -> int:
 
 def _echo(watch: Watch, arguments: argparse.Namespace) -> int:
     left: int | None = arguments.count
+    key = watch.full_key(arguments.key)
+    specs = _fields(watch, watch.all_keys()[key.removeprefix(f"{watch.manifest.name}/")].type)
 
-    def show(data: bytes, encoding: str) -> bool:
+    def show(data: bytes, _encoding: str) -> bool:
         nonlocal left
-        _print_sample(data, encoding, arguments.json)
+        _print_sample(data, specs, arguments.json)
         if left is not None:
             left -= 1
         return left is None or left > 0
 
-    key = watch.full_key(arguments.key)
     return 0 if watch.follow(key, show, arguments.timeout) else EXIT_FAILED
 
 
@@ -219,15 +231,15 @@ def _echo_bag(arguments: argparse.Namespace) -> int:
         types = {key: info.type for key, info in recording.channels.items() if info.type}
         key = meant_key(arguments.key, types, str(arguments.bag))
         for place, packed in enumerate(recording.packed([key]), 1):
-            _print_sample(packed.data, encoding_of(types[key]), arguments.json)
+            _print_sample(packed.data, field_specs(types[key]), arguments.json)
             if place == arguments.count:
                 break
     return 0
 
 
-def _print_sample(data: bytes, encoding: str, as_json: bool) -> None:
+def _print_sample(data: bytes, specs: Sequence[FieldSpec], as_json: bool) -> None:
     try:
-        print(sample_text(data, encoding, as_json), flush=True)
+        print(sample_text(data, specs, as_json), flush=True)
     except DecodeError as error:
         print(error, file=sys.stderr)
 
@@ -267,7 +279,7 @@ def _pub(watch: Watch, arguments: argparse.Namespace) -> int:
         message = make_message(cls, values, time.time_ns(), seq)
         publisher.put(pack(message))
         if arguments.json:
-            print(sample_text(pack(message), encoding_of(cls), True), flush=True)
+            print(sample_text(pack(message), (), True), flush=True)
         if seq + 1 == most:
             break
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,7 +18,7 @@ from lodeline.recording import RecordingError, unreadable
 from lodeline.recording.chunks import Found, messages
 from lodeline.recording.ends import check_ends, way_out
 from lodeline.recording.write import MESSAGE_ENCODING, METADATA
-from lodeline_msgs import MESSAGES, DecodeError, Message, unpacker_of
+from lodeline_msgs import MESSAGES, DecodeError, Message, class_described, unpacker_of
 
 RECORD_LIMIT = 64 << 20
 """Longest record [bytes] that is believed; a longer one is a damaged length."""
@@ -44,7 +45,7 @@ class Packed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ChannelInfo:
-    """A key of a recording; `type` is None if the class `type_name` is none of ours."""
+    """A key of a recording; `type` is None if nothing tells what its class `type_name` holds."""
 
     key: str
     type_name: str
@@ -56,8 +57,9 @@ class Recording:
     """An MCAP file, open for reading; a context manager.
 
     Raises RecordingError, from here or while iterating, for what is missing, no MCAP, cut off or
-    damaged. Channels of classes that Lodeline does not know are listed but never read. `span` is
-    the first and the last log time [ns].
+    damaged. A class that is not known here, such as one in a node's own file, is read by the schema
+    in the file; channels that have none of ours are listed but never read. `span` is the first and
+    the last log time [ns].
     """
 
     def __init__(self, path: Path) -> None:
@@ -183,4 +185,11 @@ class Recording:
 def _class_of(channel: Channel, schema: Schema | None) -> type[Message] | None:
     if schema is None or channel.message_encoding != MESSAGE_ENCODING:
         return None
-    return MESSAGES.get(schema.name) if KEY.fullmatch(channel.topic) else None
+    if not KEY.fullmatch(channel.topic):
+        return None
+    if schema.name in MESSAGES:
+        return MESSAGES[schema.name]
+    try:
+        return class_described(json.loads(schema.data) | {"title": schema.name})
+    except (ValueError, TypeError, RecursionError):
+        return None

@@ -15,8 +15,8 @@ from lodeline_msgs import MESSAGES, Message, columns, from_row, row
 class Tables:
     """CSV files in `folder`, one for each of `types` (key to class); a context manager.
 
-    `imu/data` goes to `imu_data.csv`: a header, then one row for each message in the order of
-    `write`. A key without a message has a header alone.
+    `imu/data` goes to `imu_data.csv` (to `imu__data.csv` beside a key `imu_data`): a header, then
+    one row for each message in the order of `write`. A key without a message has a header alone.
     """
 
     def __init__(self, folder: Path, types: Iterable[tuple[str, type[Message]]]) -> None:
@@ -24,8 +24,10 @@ class Tables:
         self._writers: dict[str, Any] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            for key, cls in types:
-                file = folder / f"{key.replace('/', '_')}.csv"
+            classes = dict(types)
+            for key, name in _names(classes).items():
+                file = folder / f"{name}.csv"
+                cls = classes[key]
                 stream = self._files.enter_context(file.open("w", encoding="utf-8", newline=""))
                 self._writers[key] = csv.writer(stream, lineterminator="\n")
                 self._writers[key].writerow(columns(cls))
@@ -42,6 +44,17 @@ class Tables:
 
     def __exit__(self, *_: object) -> None:
         self._files.close()
+
+
+def _names(keys: Iterable[str]) -> dict[str, str]:
+    """A file's name for each key, no two the same; a key that is one already has its own."""
+    names: dict[str, str] = {}
+    for key in sorted(keys, key=lambda each: "/" in each):
+        bar = "_"
+        while (name := key.replace("/", bar)) in names.values():
+            bar += "_"
+        names[key] = name
+    return names
 
 
 def read_tables(folder: Path) -> Iterator[tuple[str, Message]]:

@@ -10,10 +10,8 @@ import msgpack
 
 from lodeline.params import nearest
 from lodeline_msgs import (
-    DecodeError,
     FieldSpec,
     Message,
-    class_of,
     field_specs,
     stamp_text,
     unpack,
@@ -21,8 +19,8 @@ from lodeline_msgs import (
 )
 
 
-def sample_text(data: bytes, encoding: str, as_json: bool) -> str:
-    """A packed sample as one line of JSON, or as lines of `field: value unit`.
+def sample_text(data: bytes, specs: Sequence[FieldSpec], as_json: bool) -> str:
+    """A packed sample as one line of JSON, or as lines of `field: value unit`, units by `specs`.
 
     DecodeError if the bytes are no map of fields.
     """
@@ -30,18 +28,11 @@ def sample_text(data: bytes, encoding: str, as_json: bool) -> str:
     if as_json:
         return json.dumps(values)
     # Numbers without a unit have none to show, and of a stamp both are told: ns and seconds.
-    units = {s.name: s.unit.unit for s in _specs(encoding) if s.unit.unit not in ("", "1", "ns")}
+    units = {spec.name: spec.unit.unit for spec in specs if spec.unit.unit not in ("", "1", "ns")}
     lines = [
         f"{name}: {value_text(name, value)} {units.get(name, '')}" for name, value in values.items()
     ]
     return "\n".join([*(line.rstrip() for line in lines), "---"])
-
-
-def _specs(encoding: str) -> Sequence[FieldSpec]:
-    try:
-        return field_specs(class_of(encoding))
-    except DecodeError:
-        return ()
 
 
 def value_text(name: str, value: Any) -> str:

@@ -13,6 +13,7 @@ from lodeline_msgs.codec import (
 )
 from lodeline_msgs.control import Twist
 from lodeline_msgs.definition import MESSAGES, FieldSpec, Message, Unit, field_specs, message
+from lodeline_msgs.described import class_described
 from lodeline_msgs.estimates import AttitudeEstimate, Odometry, PoseEstimate
 from lodeline_msgs.landmarks import LandmarkDetection, PositionFix
 from lodeline_msgs.schema import columns, from_row, json_schema, row, stamp_text, unit_table
@@ -38,6 +39,7 @@ __all__ = [
     "Twist",
     "Unit",
     "WheelTicks",
+    "class_described",
     "class_of",
     "columns",
     "encoding_of",

@@ -138,11 +138,11 @@ def _make_packer(cls: type[Message]) -> Callable[[Any], bytes]:
 
 def _make_unpacker(cls: type[Message]) -> Callable[[bytes], Message]:
     specs = field_specs(cls)
-    every = ", ".join(spec.name for spec in specs)
+    every = ", ".join(f"f_{spec.name}" for spec in specs)
     lines = ["def made(data):", " values = unpack_map(data)", " try:"]
     for spec in specs:
         found = f"[{spec.name!r}]" if spec.required else f".get({spec.name!r}, d_{spec.name})"
-        lines.append(f"  {spec.name} = values{found}")
+        lines.append(f"  f_{spec.name} = values{found}")
     lines += [
         " except KeyError as error:",
         "  missing(error)",
@@ -168,8 +168,8 @@ def _make_unpacker(cls: type[Message]) -> Callable[[bytes], Message]:
 def _arguments(specs: Sequence[FieldSpec], cls: type[Message]) -> str:
     """By place where that is possible: the shortest way into a message."""
     by_name = {spec.name for spec in specs if cls.__dataclass_fields__[spec.name].kw_only}
-    places = [spec.name for spec in specs if spec.name not in by_name]
-    return ", ".join([*places, *(f"{name}={name}" for name in sorted(by_name))])
+    places = [f"f_{spec.name}" for spec in specs if spec.name not in by_name]
+    return ", ".join([*places, *(f"{name}=f_{name}" for name in sorted(by_name))])
 
 
 def _missing(error: KeyError, cls: type[Message]) -> NoReturn:
@@ -189,7 +189,7 @@ def _quick_check(specs: Sequence[FieldSpec]) -> str:
     """
     checks, numbers = [], []
     for spec in specs:
-        name, kind = spec.name, spec.kind
+        name, kind = f"f_{spec.name}", spec.kind
         if kind in (int, bool, str, float):
             checks.append(f"type({name}) is {kind.__name__}")
             numbers += [name] if kind is float else []

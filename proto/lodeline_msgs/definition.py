@@ -70,9 +70,22 @@ M = TypeVar("M", bound=Message)
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def message(cls: type[M]) -> type[M]:
     """Make `cls` a message: frozen, slotted, and listed in MESSAGES."""
+    made = unlisted(cls)
+    MESSAGES[made.__name__] = made
+    return made
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def unlisted(cls: type[M]) -> type[M]:
+    """The same, but known to nobody by its name. ValueError for a field whose name starts with _.
+
+    Such names are those of the code that is generated for a class.
+    """
+    for name in cls.__annotations__:
+        if name.startswith("_"):
+            raise ValueError(f"{cls.__name__}.{name}: a field's name begins with a letter")
     made = _frozen(_layout(cls))
     field_specs(made)
-    MESSAGES[made.__name__] = made
     return made
 
 
@@ -83,17 +96,17 @@ def _frozen(layout: type[M]) -> type[M]:
     way round for each field, and samples are made some thousand times a second.
     """
     items = fields(layout)
-    names: dict[str, Any] = {"layout": layout, "become": object.__setattr__}
+    names: dict[str, Any] = {"_layout": layout, "_become": object.__setattr__}
     words: dict[bool, list[str]] = {True: [], False: []}  # by keyword only, or not
     for item in items:
-        default = "" if item.default is MISSING else f"=d_{item.name}"
+        default = "" if item.default is MISSING else f"=_d_{item.name}"
         words[item.kw_only is True].append(item.name + default)
-        names[f"d_{item.name}"] = item.default
+        names[f"_d_{item.name}"] = item.default
     lines = [
-        f"def made(self, {', '.join([*words[False], '*', *words[True]])}):",
-        " become(self, '__class__', layout)",
-        *(f" self.{item.name} = {item.name}" for item in items),
-        " self.__class__ = frozen",
+        f"def made(_self, {', '.join([*words[False], '*', *words[True]])}):",
+        " _become(_self, '__class__', _layout)",
+        *(f" _self.{item.name} = {item.name}" for item in items),
+        " _self.__class__ = _frozen",
     ]
     exec("\n".join(lines), names)  # noqa: S102 - our own field names, as dataclasses does
     names["made"].__qualname__ = f"{layout.__name__}.__init__"  # as who forgets a field is told
@@ -111,7 +124,7 @@ def _frozen(layout: type[M]) -> type[M]:
             "__reduce__": _reduce,
         },
     )
-    names["frozen"] = frozen
+    names["_frozen"] = frozen
     return frozen
 
 

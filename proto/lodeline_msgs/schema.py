@@ -48,7 +48,8 @@ def columns(cls: type[Message]) -> list[str]:
         if spec.length is None:
             names.append(spec.name)
         else:
-            names += [f"{spec.name}_{part}" for part in spec.unit.parts]
+            parts = spec.unit.parts or range(spec.length)
+            names += [f"{spec.name}_{part}" for part in parts]
     return [*names, "seq"]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from typing import Annotated, Any
 
 import msgpack
 import pytest
@@ -17,6 +17,7 @@ from lodeline_msgs import (
     Imu,
     MagnetDetection,
     Message,
+    Unit,
     WheelTicks,
     class_of,
     encoding_of,
@@ -25,6 +26,7 @@ from lodeline_msgs import (
     pack,
     unpack,
 )
+from lodeline_msgs.definition import unlisted
 from tests.support.samples import FOLDER, SAMPLES, name_of
 
 
@@ -178,6 +180,27 @@ def test_a_field_without_a_unit_is_refused_at_definition() -> None:
             height: float
 
     assert "Bare" not in MESSAGES
+
+
+def test_a_field_may_have_any_name() -> None:
+    """Of the words that the generated code uses for itself, none is in the way."""
+
+    @unlisted
+    class Anything(Message):
+        type: Annotated[str, Unit("-")]
+        values: Annotated[tuple[float, float], Unit("m")]
+        cls: Annotated[int, Unit("1")]
+        data: Annotated[float, Unit("m")] = 1.0
+        self: Annotated[bool, Unit("-")] = False
+        frozen: Annotated[int, Unit("1")] = 0
+
+    sample = Anything(1, "a", (1.0, 2.0), 3, frozen=4, seq=2)
+    assert unpack(pack(sample), Anything) == sample
+    with pytest.raises(ValueError, match="begins with a letter"):
+
+        @unlisted
+        class Hidden(Message):
+            _x: Annotated[int, Unit("1")]
 
 
 def test_every_array_names_its_parts() -> None:

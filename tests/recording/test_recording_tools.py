@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated
 
 import pytest
 from mcap.writer import Writer
@@ -15,6 +16,9 @@ from mcap.writer import Writer
 from lodeline.cli import main as lodeline
 from lodeline.loading import shipped
 from lodeline.recording.read import Recording
+from lodeline.recording.write import RecordingWriter, whole_file
+from lodeline_msgs import MESSAGES, Message, Twist, Unit, json_schema, pack
+from lodeline_msgs.definition import unlisted
 
 Tool = Callable[[list[str]], int]
 Capture = pytest.CaptureFixture[str]
@@ -120,17 +124,76 @@ def test_export_makes_a_table_of_each_key(lab_mcap: str, tmp_path: Path, bag: To
     assert len(lines) == 401
 
 
-def test_export_says_what_it_leaves_out(tmp_path: Path, bag: Tool, capsys: Capture) -> None:
-    file = tmp_path / "foreign.mcap"
+def foreign(file: Path, schema: bytes, data: bytes) -> str:
+    """A recording of one sample on `battery`, of a class that Lodeline does not have."""
     with file.open("wb") as stream:
         writer = Writer(stream)
         writer.start()
-        schema = writer.register_schema("Battery", "jsonschema", b"{}")
-        writer.add_message(writer.register_channel("battery", "msgpack", schema), 1, b"\x80", 1)
+        number = writer.register_schema("Battery", "jsonschema", schema)
+        writer.add_message(writer.register_channel("battery", "msgpack", number), 1, data, 1)
         writer.finish()  # type: ignore[no-untyped-call]
-    assert bag(["export", str(file), "--csv", str(tmp_path / "tables")]) == 0
-    assert "battery is left out: Battery is no class of the wire" in capsys.readouterr().err
+    return str(file)
+
+
+def test_export_says_what_it_leaves_out(tmp_path: Path, bag: Tool, capsys: Capture) -> None:
+    file = foreign(tmp_path / "foreign.mcap", b"{}", b"\x80")
+    assert bag(["export", file, "--csv", str(tmp_path / "tables")]) == 0
+    assert "battery is left out: the schema of its class Battery" in capsys.readouterr().err
     assert not list((tmp_path / "tables").iterdir())
+
+
+def test_a_class_of_a_nodes_own_file_is_read_by_the_schema_in_the_recording(
+    tmp_path: Path, bag: Tool, capsys: Capture
+) -> None:
+    @unlisted
+    class Battery(Message):
+        """What is left."""
+
+        data: Annotated[float, Unit("V", "of the whole pack")]
+        cells: Annotated[tuple[float, float], Unit("V")]
+        type: Annotated[str, Unit("-")]
+        counts: Annotated[dict[str, int], Unit("1")]
+        charging: Annotated[bool, Unit("-")] = False
+
+    schema = json.dumps(json_schema(Battery)).encode()
+    sample = Battery(5, data=12.25, cells=(6.0, 6.25), type="LiPo", counts={"a": 1}, seq=7)
+    file = foreign(tmp_path / "own.mcap", schema, pack(sample))
+    assert bag(["export", file, "--csv", str(tmp_path)]) == 0
+    assert (tmp_path / "battery.csv").read_text().splitlines() == [
+        "stamp,data,cells_0,cells_1,type,counts,charging,seq",
+        "0.000000005,12.25,6.0,6.25,LiPo,a=1,0,7",
+    ]
+    assert bag(["info", file]) == 0
+    assert "battery  Battery         1" in capsys.readouterr().out
+    assert lodeline(["topic", "echo", "battery", "--bag", file]) == 0
+    assert "data: 12.25 V" in capsys.readouterr().out
+    assert "Battery" not in MESSAGES
+
+
+@pytest.mark.parametrize(
+    "properties",
+    ['"stamp": 1, "x=print": {"type": "number"}', '"stamp": 1, "x": {"type": "array"}', '"x": 1'],
+)
+def test_a_schema_that_is_no_messages_is_no_code_either(
+    tmp_path: Path, bag: Tool, capsys: Capture, properties: str
+) -> None:
+    schema = f'{{"title": "Battery", "properties": {{{properties}}}}}'
+    file = foreign(tmp_path / "odd.mcap", schema.encode(), b"\x80")
+    assert bag(["export", file, "--csv", str(tmp_path / "tables")]) == 0
+    assert "battery is left out" in capsys.readouterr().err
+
+
+def test_keys_that_differ_in_a_slash_alone_have_a_table_each(tmp_path: Path, bag: Tool) -> None:
+    file = tmp_path / "two.mcap"
+    with whole_file(file) as stream:
+        writer = RecordingWriter(stream, {})
+        for place, key in enumerate(("imu/data", "imu_data", "imu__data")):
+            writer.write(key, Twist(place, v=float(place), w=0.0))
+        writer.close()
+    assert bag(["export", str(file), "--csv", str(tmp_path)]) == 0
+    tables = {path.stem: path.read_text().splitlines()[1] for path in tmp_path.glob("*.csv")}
+    speeds = {name: line.split(",")[1] for name, line in tables.items()}
+    assert speeds == {"imu_data": "1.0", "imu__data": "2.0", "imu___data": "0.0"}
 
 
 def test_play_without_a_running_pipeline_exits_with_4(

@@ -11,7 +11,7 @@ import pytest
 
 from lodeline import cli
 from lodeline.terminal.samples import sample_text
-from lodeline_msgs import Odometry, encoding_of, pack
+from lodeline_msgs import Odometry, field_specs, pack
 from tests.support.samples import SAMPLES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,6 +69,26 @@ def test_a_count_below_zero_is_refused_in_words(verb: str, capsys: Capture) -> N
     assert text.endswith(": -3 is below 0")
 
 
+@pytest.mark.parametrize(
+    ("words", "usage", "why"),
+    [
+        ("topic hz --seconds 3", "lodeline topic hz", "unrecognized arguments: --seconds"),
+        ("topic list pose", "lodeline topic list", "unrecognized arguments: pose"),
+        ("bag info a.mcap --jsn", "lodeline bag info", "--jsn, did you mean 'json'?"),
+        ("keys init robot", "lodeline keys init", "unrecognized arguments: robot"),
+    ],
+)
+def test_what_a_verb_below_another_does_not_take_is_told_by_its_own_usage(
+    capsys: Capture, words: str, usage: str, why: str
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        cli.main(words.split())
+    err = capsys.readouterr().err
+    assert end.value.code == 2
+    assert err.startswith(f"usage: {usage} ")
+    assert err.rstrip().endswith(why)
+
+
 def test_the_exercises_are_listed_as_json(capsys: Capture) -> None:
     assert cli.main(["grade", "--json"]) == 0
     assert set(json.loads(capsys.readouterr().out)) == {"odometry", "heading", "measurement"}
@@ -88,7 +108,7 @@ def test_a_full_disk_behind_the_output_is_named() -> None:
 
 def test_echo_shows_units_where_there_are_some() -> None:
     sample = next(each for each in SAMPLES if isinstance(each, Odometry))
-    lines = sample_text(pack(sample), encoding_of(Odometry), as_json=False).splitlines()
+    lines = sample_text(pack(sample), field_specs(Odometry), as_json=False).splitlines()
     assert lines[0].startswith("stamp: ")
     assert lines[0].endswith(" s)")
     assert f"seq: {sample.seq}" in lines
