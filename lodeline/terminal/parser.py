@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from lodeline.params import guess
+from lodeline.params import closest
 
 
 class VerbParser(argparse.ArgumentParser):
@@ -20,6 +20,7 @@ class VerbParser(argparse.ArgumentParser):
         if left:
             options = [name[2:] for name in self._option_string_actions if name.startswith("--")]
             word = left[0].partition("=")[0]
-            near = guess(word[2:], options) if word.startswith("--") else ""
+            like = closest(word[2:], options) if word.startswith("--") else None
+            near = f", did you mean --{like}?" if like else ""
             self.error(f"unrecognized arguments: {' '.join(left)}{near}")
         return found, left

@@ -74,7 +74,7 @@ def test_a_count_below_zero_is_refused_in_words(verb: str, capsys: Capture) -> N
     [
         ("topic hz --seconds 3", "lodeline topic hz", "unrecognized arguments: --seconds"),
         ("topic list pose", "lodeline topic list", "unrecognized arguments: pose"),
-        ("bag info a.mcap --jsn", "lodeline bag info", "--jsn, did you mean 'json'?"),
+        ("bag info a.mcap --jsn", "lodeline bag info", "--jsn, did you mean --json?"),
         ("keys init robot", "lodeline keys init", "unrecognized arguments: robot"),
     ],
 )
