@@ -127,16 +127,18 @@ def _import(args: argparse.Namespace) -> int:
 
 def _preview(args: argparse.Namespace) -> int:
     from lodeline.recording import csv_preview
+    from lodeline.recording.csv_guess import propose
     from lodeline.recording.csv_map import read_map
-    from lodeline.recording.imu_csv import CsvTable
+    from lodeline.recording.csv_table import CsvTable
 
     with CsvTable(args.file) as table:
         if args.map is not None:
             print("\n".join(csv_preview.of_map(table, read_map(args.map, table.columns))))
             return 0
         if args.preview:
-            print("\n".join(csv_preview.of_columns(table)), file=sys.stderr)
-            print(csv_preview.of_guess(table), end="")
+            first = csv_preview.first_rows(table)
+            print("\n".join(csv_preview.of_columns(table, first)), file=sys.stderr)
+            print(propose(table.columns, first[0] if first else ()), end="")
             return 0
     raise RecordingError(
         f"{args.file}: which column is what? Begin with\n"
@@ -147,7 +149,7 @@ def _preview(args: argparse.Namespace) -> int:
 
 def _csv(file: Path, args: argparse.Namespace) -> Imported:
     from lodeline.recording.csv_map import read_map, samples
-    from lodeline.recording.imu_csv import CsvTable
+    from lodeline.recording.csv_table import CsvTable
 
     with CsvTable(file) as table:
         mapping = read_map(args.map, table.columns)

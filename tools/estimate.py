@@ -21,7 +21,8 @@ from typing import Any
 from lodeline.attitude import METHODS
 from lodeline.attitude.base import Attitude
 from lodeline.recording import RecordingError
-from lodeline.recording.imu_csv import CsvTable, ImuRow, read_imu
+from lodeline.recording.csv_table import CsvTable
+from lodeline.recording.imu_csv import ImuRow, read_imu
 from lodeline.rotation import to_euler
 from lodeline.terminal.ending import ended
 

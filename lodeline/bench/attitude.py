@@ -24,7 +24,8 @@ from lodeline.attitude.base import Attitude
 from lodeline.attitude.score import attitude_error, rms_error
 from lodeline.bench.peers import Maker, installed
 from lodeline.recording import RecordingError
-from lodeline.recording.imu_csv import CsvTable, ImuRow, read_imu
+from lodeline.recording.csv_table import CsvTable
+from lodeline.recording.imu_csv import ImuRow, read_imu
 from lodeline.rotation import Quaternion
 from lodeline.tables import table
 

@@ -6,11 +6,19 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 
-_TIME = re.compile(r"(t|time|timestamp|stamp|secs?|seconds)[_ (\[]*(s|ms|us|ns|sec|seconds)?[)\]]*")
-_AXIS = re.compile(r"(?P<stem>.*?)[_ .]?(?P<axis>[xyz])(?P<rest>[_ .(\[].*)?")
+_TIME = re.compile(
+    r"[\W_]*(?:.*[./])?"  # `%time`, `header.stamp`, `/imu/header/stamp`
+    r"(?P<word>t|time|(?:rosbag)?timestamp|stamp|zeit|temps|elapsed|secs?|seconds|millis|micros)"
+    r"[_ (\[/]*(?P<unit>s|ms|us|[µμ]s|ns|sec|seconds)?[)\]]*"
+)
+_UNITS_OF_TIME = {"ms": "ms", "millis": "ms", "us": "us", "micros": "us", "ns": "ns"}
+_MICRO = str.maketrans("µμ", "uu")
+_SIZES = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"))  # of times since 1970, which tell their unit
+_SECONDS = re.compile(r"(?P<stem>(?:.*[._/ ])?(?:stamp|time)?[._/ ]?)secs?")
+_AXIS = re.compile(r"(?P<stem>.*)(?P<axis>[xyz])(?P<rest>[_ .(\[].*)?")
 _STEMS = {
-    "angular_velocity": r"g|gyro|gyr|gyroscope|w|omega|angular[_ ]?velocity",
-    "linear_acceleration": r"a|acc|accel|accelerometer|acceleration|linear[_ ]?acceleration",
+    "angular_velocity": r"g|gyro|gyr|gyroscope|w(_rs_s)?|omega|angular[_ ]?velocity",
+    "linear_acceleration": r"a(_rs_s)?|acc|accel|accelerometer|(linear[_ ]?)?acceleration",
     "magnetic_field": r"m|b|mag|magnetometer|magnetic[_ ]?field",
 }
 _UNITS = {
@@ -18,12 +26,15 @@ _UNITS = {
     "linear_acceleration": {"(g)": "g", "[g]": "g", "_g": "g"},
     "magnetic_field": {"ut": "uT", "µt": "uT", "gauss": "gauss", "(g)": "gauss"},
 }
-_SIDE = re.compile(r"(.*[_ .])?(?P<side>left|right|l|r)([_ .].*)?")
+_SIDE = re.compile(r"(.*[_ .])?(?P<side>left|links|right|rechts|l|r)([_ .].*)?")
 
 
-def propose(columns: Sequence[str]) -> str:
-    """YAML of a map as far as the names of the columns tell; comments where they do not."""
-    lines = [_time(columns), *_wheels(columns)]
+def propose(columns: Sequence[str], first: Sequence[str] = ()) -> str:
+    """YAML of a map as far as the names of the columns tell; comments where they do not.
+
+    `first` are the cells of a row: how large a time is may tell its unit.
+    """
+    lines = [_time(columns, first), *_wheels(columns)]
     vectors = {field: _vector(columns, field) for field in _STEMS}
     if vectors["angular_velocity"] and vectors["linear_acceleration"]:
         lines += ["imu/data_raw:", "  type: Imu"]
@@ -36,13 +47,32 @@ def propose(columns: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _time(columns: Sequence[str]) -> str:
-    for column in columns:
+def _time(columns: Sequence[str], first: Sequence[str]) -> str:
+    small = {column.lower(): column for column in columns}
+    for name in small:
+        found = _SECONDS.fullmatch(name)
+        for word in ("nanosec", "nanosecs", "nsec", "nsecs") if found else ():
+            rest = small.get(f"{found['stem']}{word}") if found else None
+            if rest:
+                return f"time: {_word(f'{small[name]} + {rest}', 'ns')}"
+    # that of the header is when it was measured, others when it was written down
+    for column in sorted(columns, key=lambda each: "header" not in each):
         found = _TIME.fullmatch(column.lower())
         if found:
-            unit = found[2] if found[2] in ("ms", "us", "ns") else ""
+            unit = _UNITS_OF_TIME.get((found["unit"] or found["word"]).translate(_MICRO), "")
+            if not found["unit"] and not unit and len(first) == len(columns):
+                unit = _unit_of(first[columns.index(column)])
             return f"time: {_word(column, unit)}"
     return "time: WHICH_COLUMN  # seconds, or `column * ms`"
+
+
+def _unit_of(cell: str) -> str:
+    """The unit of a time since 1970, by its size; "" for seconds and for what is none."""
+    try:
+        size = float(cell)
+    except ValueError:
+        return ""
+    return next((unit for least, unit in _SIZES if size >= least), "")
 
 
 def _wheels(columns: Sequence[str]) -> Iterator[str]:
@@ -60,10 +90,11 @@ def _vector(columns: Sequence[str], field: str) -> str:
     axes: dict[str, str] = {}
     for column in columns:
         found = _AXIS.fullmatch(column.lower())
-        if found and re.fullmatch(_STEMS[field], found["stem"]):
+        stem = found["stem"].rstrip("_ ./") if found else ""
+        if found and re.fullmatch(rf"(?:.*[./])?(?:{_STEMS[field]})", stem):
             rest = found["rest"] or ""
             units = [unit for word, unit in _UNITS[field].items() if word in rest]
-            if found["stem"] in ("m", "mag"):  # nobody gives these in tesla
+            if stem in ("m", "mag"):  # nobody gives these in tesla
                 units.append("uT")
             axes.setdefault(found["axis"], _word(column, *units[:1]))
     return f"[{', '.join(axes[axis] for axis in 'xyz')}]" if len(axes) == 3 else ""
@@ -72,4 +103,4 @@ def _vector(columns: Sequence[str], field: str) -> str:
 def _word(column: str, unit: str = "") -> str:
     """A term as YAML takes it."""
     term = f"{column} * {unit}" if unit else column
-    return term if re.fullmatch(r"[A-Za-z_][\w .*/]*", term) else json.dumps(term)
+    return term if re.fullmatch(r"[A-Za-z_][\w .*/+]*", term) else json.dumps(term)

@@ -10,7 +10,8 @@
       angular_velocity: [gx * deg, gy * deg, gz * deg]
       linear_acceleration: [ax * g, ay * g, az * g]
 
-A row in which a cell of a key is empty has no sample of that key.
+A row in which a cell of a key is empty has no sample of that key. The time may be a sum,
+`stamp.sec + stamp.nanosec * ns`, or in ISO 8601.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from typing import Any
 from lodeline.pipeline.document import Item, read_file
 from lodeline.pipeline.faults import Fault, PipelineError
 from lodeline.pipeline.shape import Shape
-from lodeline.recording.imu_csv import Cells, CsvTable
+from lodeline.recording.csv_table import Cells, CsvTable
 from lodeline.recording.terms import Term, parse
 from lodeline_msgs import MESSAGES, FieldSpec, Message, field_specs
 
@@ -43,15 +44,15 @@ class MappedKey:
 
 @dataclass(frozen=True, slots=True)
 class TableMap:
-    """How rows become samples: the time [s] and the keys."""
+    """How rows become samples: the terms that add up to the time [s], and the keys."""
 
-    time: Term
+    time: tuple[Term, ...]
     keys: tuple[MappedKey, ...]
 
     @property
     def columns(self) -> list[str]:
         """The columns in use, each once."""
-        terms = [self.time]
+        terms = [*self.time]
         terms += [term for key in self.keys for _, parts in key.fields for term in parts]
         return list(dict.fromkeys(term.column for term in terms if term.column is not None))
 
@@ -66,15 +67,23 @@ def read_map(file: Path, columns: Collection[str]) -> TableMap:
     time = items.pop("time", None)
     if time is None:
         faults.append(root.place.fault("`time` is missing: the column of seconds"))
-    terms = () if time is None else _terms(time, 1, columns, faults)
-    if terms and (terms[0].column is None or terms[0].summed):
-        faults.append(root.value["time"].place.fault("must be a column"))
+    terms = () if time is None else _time(time, columns, faults)
     if not items:
         faults.append(root.place.fault("maps no key: `wheels: {type: WheelTicks, left: ...}`"))
     keys = [_key(name, item, columns, faults) for name, item in items.items()]
     if faults:
         raise PipelineError(faults)
-    return TableMap(terms[0], tuple(key for key in keys if key is not None))
+    return TableMap(terms, tuple(key for key in keys if key is not None))
+
+
+def _time(item: Item, columns: Collection[str], faults: list[Fault]) -> tuple[Term, ...]:
+    whole = item.value in columns if isinstance(item.value, str) else True
+    texts = [item.value] if whole else [part.strip() for part in item.value.split(" + ")]
+    parts = [Item(text, item.place, item.key) for text in texts]
+    terms = _terms(Item(parts, item.place, item.key), len(parts), columns, faults)
+    if any(term.column is None or term.summed for term in terms):
+        faults.append(item.place.fault("must be a column, or a sum of columns"))
+    return terms
 
 
 def _key(name: str, item: Item, columns: Collection[str], faults: list[Fault]) -> MappedKey | None:
@@ -137,21 +146,26 @@ def samples(table: CsvTable, mapping: TableMap) -> Iterator[tuple[str, Message]]
     summed = {t.column for k in mapping.keys for _, terms in k.fields for t in terms if t.summed}
     sums = dict.fromkeys(summed, 0.0)
     counts = dict.fromkeys(mapping.keys, 0)
+    dated = [t.column for t in mapping.time if t.column and t.factor == 1.0]
     last = None
-    for line, cells in table.rows((), columns):
+    for line, cells in table.rows((), columns, dated):
         for column in sums:
             sums[column] += cells[places[str(column)]] or 0.0
-        time = _number(mapping.time, cells, places, {})
-        if time is None:
-            table.fail(line, f"{mapping.time.column} is empty, expected a time")
-        if not 0.0 <= time < LATEST or (last is not None and time < last):
-            what = "goes back" if last is not None and time < last else "is no time"
-            table.fail(line, f"{mapping.time.column} {what}: {time:.9g} s")
-        last = time
+        stamp = 0
+        for term in mapping.time:
+            time = _number(term, cells, places, {})
+            if time is None:
+                table.fail(line, f"{term.column} is empty, expected a time")
+            whole, part = divmod(min(max(time, -LATEST), LATEST), 1.0)
+            stamp += int(whole) * 1_000_000_000 + round(part * 1e9)
+        if not 0 <= stamp < LATEST * 1e9 or (last is not None and stamp < last):
+            what = "goes back" if last is not None and stamp < last else "is no time"
+            table.fail(line, f"{mapping.time[0].column} {what}: {stamp * 1e-9:.9g} s")
+        last = stamp
         for key in mapping.keys:
             values = _values(key, table, line, cells, places, sums)
             if values is not None:
-                yield key.key, key.type(stamp=round(time * 1e9), seq=counts[key], **values)
+                yield key.key, key.type(stamp=stamp, seq=counts[key], **values)
                 counts[key] += 1
 
 

@@ -2,31 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 
-from lodeline.recording.csv_guess import propose
 from lodeline.recording.csv_map import TableMap, samples
-from lodeline.recording.imu_csv import CsvTable
+from lodeline.recording.csv_table import CsvTable
 from lodeline.tables import table as plain_table
 from lodeline_msgs import columns, row
 
 ROWS = 3
 
 
-def of_columns(table: CsvTable) -> Iterator[str]:
+def first_rows(table: CsvTable) -> list[list[str]]:
+    """Cells of the first rows."""
+    return [[cell.strip() for cell in cells] for _, cells in islice(table.cells(), ROWS)]
+
+
+def of_columns(table: CsvTable, first: Sequence[Sequence[str]]) -> Iterator[str]:
     """Lines: each column with the first values in it."""
-    first = [[cell.strip() for cell in cells] for _, cells in islice(table.cells(), ROWS)]
     shown = [
         (name, *(cells[place] if place < len(cells) else "" for cells in first))
         for place, name in enumerate(table.columns)
     ]
     yield plain_table(("column", *(f"row {n + 1}" for n in range(len(first)))), shown)
-
-
-def of_guess(table: CsvTable) -> str:
-    """A map to begin with."""
-    return propose(table.columns)
 
 
 def of_map(table: CsvTable, mapping: TableMap) -> Iterator[str]:

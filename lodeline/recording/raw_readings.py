@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Literal
 
 from lodeline.recording import RecordingError, unreadable
-from lodeline.recording.imu_csv import ACCEL, GYRO, MAG, MICROTESLA, TIME, CsvTable
+from lodeline.recording.csv_table import CsvTable
+from lodeline.recording.imu_csv import ACCEL, GYRO, MAG, MICROTESLA, TIME
 from lodeline.rotation import Vector
 from lodeline_msgs import Imu, MagneticField, Message, WheelTicks
 

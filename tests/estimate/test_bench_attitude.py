@@ -105,7 +105,8 @@ def test_an_unknown_bench_is_a_usage_error_that_names_the_known(
 
 def test_peers_that_are_installed_agree_about_a_calm_turn(tmp_path: Path) -> None:
     """Their axes are ours, whatever they call them: within six degrees at the end."""
-    from lodeline.recording.imu_csv import CsvTable, read_imu
+    from lodeline.recording.csv_table import CsvTable
+    from lodeline.recording.imu_csv import read_imu
 
     if not installed():
         pytest.skip("none of vqf, imufusion, ahrs is installed")

@@ -12,7 +12,7 @@ from lodeline.pipeline.faults import PipelineError
 from lodeline.recording import RecordingError
 from lodeline.recording.csv_guess import propose
 from lodeline.recording.csv_map import read_map, samples
-from lodeline.recording.imu_csv import CsvTable
+from lodeline.recording.csv_table import CsvTable
 from lodeline.recording.read import Recording
 from lodeline_msgs import MESSAGES, Imu, MagneticField, Message, WheelTicks
 
@@ -37,6 +37,7 @@ imu/data_raw:
   angular_velocity: [0, gy, "gz [deg/s] * deg"]
   linear_acceleration: [acc_x (g) * g, acc_y (g) * -9.80665, acc_z (g) * g]
 """
+WHEN = "time: when\nwheels: {type: WheelTicks, left: a, right: a}\n"
 
 
 @pytest.fixture
@@ -69,6 +70,70 @@ def test_a_decimal_comma_is_one_between_semicolons_and_named_between_commas(tmp_
         file.write_text(text)
         with pytest.raises(RecordingError, match=said):
             read(file, mapping)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t  left   right\n 0      1     2\n0.5    3     4\n",
+        "t\tleft\tright\n0\t1\t2\n0.5\t3\t4\n",
+        "t;left;right\n0;1;2\n0,5;3;4\n",
+        "# savetxt\n# t left right\n0.0e+00 1.0e+00 2.0e+00\n5.0e-01 3.0e+00 4.0e+00\n",
+        "#t,left,right\n0,1,2\n0.5,3,4\n",
+    ],
+)
+def test_columns_may_be_apart_by_blanks_tabs_and_semicolons(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text(text)
+    found = read(file, "time: t\nwheels: {type: WheelTicks, left: left, right: right}\n")
+    assert [each for _, each in found] == [
+        WheelTicks(0, 1, 2, seq=0),
+        WheelTicks(500_000_000, 3, 4, seq=1),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("2026-03-01T12:00:00Z", "2026-03-01T12:00:00.25Z"),
+        ("2026-03-01 12:00:00", "2026-03-01 12:00:00,25"),
+        ("2026-03-01T13:00:00+01:00", "2026-03-01T13:00:00.250+01:00"),
+    ],
+)
+def test_a_time_may_be_in_iso_8601(tmp_path: Path, first: str, second: str) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text(f"when;a\n{first};1\n{second};2\n")
+    stamps = [each.stamp for _, each in read(file, WHEN)]
+    assert stamps == [1_772_366_400_000_000_000, 1_772_366_400_250_000_000]
+
+
+@pytest.mark.parametrize(
+    ("map_line", "cell", "why"),
+    [
+        ("when", "2026-13-01T12:00:00", "when is '2026-13-01T12:00:00', expected a time as 2026-"),
+        ("when", "12:00:05", "when is '12:00:05', expected a number or a time as 2026-"),
+        ("when * ms", "2026-03-01", "when is '2026-03-01', expected a number"),
+    ],
+)
+def test_a_time_that_is_none_is_told(tmp_path: Path, map_line: str, cell: str, why: str) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text(f"when;a\n{cell};1\n")
+    with pytest.raises(RecordingError, match=f"csv:2: {why}"):
+        read(file, WHEN.replace("when", map_line))
+
+
+def test_seconds_and_nanoseconds_of_ros_add_up_to_the_stamp(tmp_path: Path, bag: Tool) -> None:
+    axes = [f"{name}.{a}" for name in ("angular_velocity", "linear_acceleration") for a in "xyz"]
+    file, out = tmp_path / "ros.csv", tmp_path / "ros.mcap"
+    names = ["Time", "header.seq", "header.stamp.sec", "header.stamp.nanosec", *axes]
+    file.write_text(f"{','.join(names)}\n9,4,1700000000,123456789,0,0,1,0,0,9.8\n")
+    with CsvTable(file) as opened:
+        mapping = write_map(tmp_path, propose(opened.columns))
+    assert bag(["import", str(file), "--map", str(mapping), "-o", str(out)]) == 0
+    with Recording(out) as recording:
+        (sample,) = recording.samples()
+    assert sample.key == "imu/data_raw"
+    assert sample.message == Imu(1_700_000_000_123_456_789, (0.0, 0.0, 1.0), (0.0, 0.0, 9.8))
 
 
 def test_a_table_without_names_is_told_so(tmp_path: Path) -> None:
@@ -128,11 +193,30 @@ def test_the_proposed_map_imports_a_common_table(
         (("Time_us", "x"), "time: Time_us * us"),
         (("timestamp", "left_ticks", "right_ticks"), "  right: right_ticks"),
         (("t", *(f"gyro_{a} (dps)" for a in "xyz"), *(f"acc{a}" for a in "xyz")), "  type: Imu"),
+        (("Zeit [ms]", "Motor links", "Motor rechts"), "  right: Motor rechts"),
+        (("Zeit [ms]", "x"), 'time: "Zeit [ms] * ms"'),
+        (("time_ms", "x"), "time: time_ms * ms"),
+        (
+            ("%time", "field.header.stamp", *(f"field.angular_velocity.{a}" for a in "xyz")),
+            "time: field.header.stamp",
+        ),
+        (
+            ("__time", *(f"/imu/{v}/{a}" for v in ("acceleration", "gyro") for a in "xyz")),
+            '  angular_velocity: ["/imu/gyro/x", "/imu/gyro/y", "/imu/gyro/z"]',
+        ),
         (("when", "what"), "time: WHICH_COLUMN  # seconds, or `column * ms`"),
     ],
 )
 def test_a_map_is_proposed_from_the_names(columns: tuple[str, ...], line: str) -> None:
     assert line in propose(columns).splitlines()
+
+
+@pytest.mark.parametrize(
+    ("first", "unit"),
+    [("1700000000", ""), ("1700000000123", " * ms"), ("1700000000123456789", " * ns"), ("-", "")],
+)
+def test_the_size_of_a_time_tells_its_unit(first: str, unit: str) -> None:
+    assert propose(["stamp"], [first]).startswith(f"time: stamp{unit}\n")
 
 
 def test_without_a_map_the_way_to_one_is_shown(table: Path, bag: Tool, capsys: Capture) -> None:
