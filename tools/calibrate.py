@@ -48,12 +48,19 @@ if TYPE_CHECKING:
     from lodeline.node import CalibrationInUse
 
 EXIT_FAILED, EXIT_NOTHING = 1, 4
+OPTIONS = {
+    "mag": ("method",),
+    "wheels": ("distance", "turns", "ticks_per_turn", "wheel_radius"),
+}
+LIVE = ("seconds", "name")
 MOST_READINGS = 20_000  # a fit of more gets no better, only slower
 
 
 def main(argv: list[str]) -> int:
     """Run `lodeline calibrate`; the exit code."""
     args = parser().parse_args(argv)
+    if why := _out_of_place(args):
+        parser().error(why)
     if args.kind == "wheels" and (args.distance is None) == (args.turns is None):
         parser().error("wheels: either --distance or --turns")
     if args.kind == "wheels" and args.source and args.ticks_per_turn is None:
@@ -79,6 +86,18 @@ def main(argv: list[str]) -> int:
     return 0
 
 
+def _out_of_place(args: argparse.Namespace) -> str:
+    """What is asked that means nothing here, in words."""
+    for kind, names in OPTIONS.items():
+        for name in names:
+            if kind != args.kind and getattr(args, name) is not None:
+                return f"--{name.replace('_', '-')} is for {kind}, this is {args.kind}"
+    for name in LIVE:
+        if args.source and getattr(args, name) is not None:
+            return f"--{name} is for a pipeline that runs, --from reads a file"
+    return ""
+
+
 def _on_file(file: Path) -> ImuCalibration:
     """What the file says already; that which changes nothing if it says nothing."""
     try:
@@ -102,7 +121,7 @@ def _live(args: argparse.Namespace) -> None:
     from lodeline.watch import Watch, choose
 
     with Watch(choose(args.name)) as watch:
-        fit = partial(fit_compass, args.method)
+        fit = partial(fit_compass, args.method or "auto")
         wizard = Wizard(watch, args.kind, args.seconds, args.ticks_per_turn, fit)
         args.ticks_per_turn = wizard.ticks
         before = wizard.in_use()
@@ -167,8 +186,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--method",
         choices=["auto", "ellipse", "ellipsoid", "minmax"],
-        default="auto",
-        help="mag: how to fit; auto takes the ellipsoid if all sides were seen, else the ellipse",
+        help="mag: how to fit; auto (default) takes the ellipsoid if all sides were seen, else the"
+        " ellipse",
     )
     parser.add_argument("--seconds", type=positive, metavar="S", help="live: give up after S")
     parser.add_argument("--name", metavar="PIPELINE", help="live: which one, if several run")
@@ -193,7 +212,7 @@ def parser() -> argparse.ArgumentParser:
 def calibration(args: argparse.Namespace, readings: Readings, before: ImuCalibration) -> Section:
     """The section that comes out of the readings; CalibrationRefusedError with the reason."""
     if args.kind == "gyro":
-        zero = gyro_zero(readings.rates, readings.rate)
+        zero = gyro_zero(readings.rates, readings.rate, readings.forces, readings.counts)
         return {"residual": zero.error, "verdict": zero.verdict, "gyro_zero": zero.zero}
     if args.kind == "accel":
         rests = resting_means(readings.forces, readings.rates, readings.rate)
@@ -205,7 +224,7 @@ def calibration(args: argparse.Namespace, readings: Readings, before: ImuCalibra
             "accel_scale": fit.scale,
         }
     if args.kind == "mag":
-        compass = fit_compass(args.method, readings.fields, before)
+        compass = fit_compass(args.method or "auto", readings.fields, before)
         return {
             "residual": compass.misfit,
             "verdict": compass.verdict,

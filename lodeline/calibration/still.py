@@ -21,6 +21,7 @@ SHORTEST_REST = 2.0  # [s]
 LARGEST_ZERO = radians(20.0)  # [rad/s] no working gyro reads more at rest
 LARGEST_SWAY = radians(1.0)  # [rad/s] by which means over half a second may differ at rest
 LARGEST_SHAKE = 0.3  # [m/s^2] likewise
+LARGEST_ROLL = 8  # [tick] by which the counts of a wheel that stands may differ
 LARGEST_MISFIT = 0.1  # [m/s^2] RMS of the length of gravity after calibration
 UNKNOWNS = 6  # offset and scale of three axes
 LEAST_LEAN = 0.7  # [g] that every axis must have seen both ways
@@ -67,14 +68,22 @@ class AccelFit:
         return f"{quality}: gravity to {self.misfit:.3f} m/s^2 over {self.positions} positions"
 
 
-def gyro_zero(rates: Sequence[Vector], rate_hz: float) -> GyroZero:
+def gyro_zero(
+    rates: Sequence[Vector],
+    rate_hz: float,
+    forces: Sequence[Vector] = (),
+    counts: Sequence[tuple[int, int]] = (),
+) -> GyroZero:
     """The zero-point from readings (n, 3) [rad/s] taken at rest, `rate_hz` per second.
 
+    An even turn reads as a rest does, and so does a straight drive: `forces` (n, 3) [m/s^2] and
+    `counts` of the wheels (m, 2) over the same time, where there are some, tell that it stood.
     CalibrationRefusedError when the rest was too short, the sensor moved or turned, or nothing
     but zeros came in.
     """
     import numpy as np
 
+    _check_wheels(counts)
     points = checked(rates, 2, "gyro")
     duration = len(points) / rate_hz
     if duration < SHORTEST_REST:
@@ -90,6 +99,7 @@ def gyro_zero(rates: Sequence[Vector], rate_hz: float) -> GyroZero:
             f"the sensor moved {int(sway.argmax()) * WINDOW:.1f} s after the start, by"
             f" {degrees(float(sway.max())):.1f} deg/s: put it down and wait"
         )
+    _check_forces(forces, rate_hz)
     zero = points.mean(axis=0)
     if np.abs(zero).max() > LARGEST_ZERO:
         raise CalibrationRefusedError(
@@ -100,6 +110,31 @@ def gyro_zero(rates: Sequence[Vector], rate_hz: float) -> GyroZero:
     error = float((means.std(axis=0) / len(means) ** 0.5).max())
     x, y, z = (float(v) for v in zero)
     return GyroZero((x, y, z), error, duration)
+
+
+def _check_wheels(counts: Sequence[tuple[int, int]]) -> None:
+    for side, name in zip(zip(*counts, strict=True), ("left", "right"), strict=False):
+        if max(side) - min(side) > LARGEST_ROLL:
+            raise CalibrationRefusedError(
+                f"the {name} wheel rolled by {max(side) - min(side)} counts meanwhile: stop the"
+                " robot, and wait"
+            )
+
+
+def _check_forces(forces: Sequence[Vector], rate_hz: float) -> None:
+    import numpy as np
+
+    if len(forces) < 2:
+        return
+    points = checked(forces, 2, "accelerometer")
+    means = _windows(points, rate_hz)
+    sway = np.abs(means - np.median(means, axis=0)).max(axis=1)
+    shake = float(np.abs(points - points.mean(axis=0)).mean(axis=0).max())
+    if max(sway.max(), shake) > LARGEST_SHAKE:
+        raise CalibrationRefusedError(
+            f"it was pushed or shaken, by {max(float(sway.max()), shake):.1f} m/s^2: stop the"
+            " robot, put it down, and wait"
+        )
 
 
 def resting_means(

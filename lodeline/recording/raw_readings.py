@@ -26,7 +26,7 @@ CLASSES: dict[str, tuple[type[Message], str]] = {
 }
 COLUMNS = {
     "gyro": GYRO,
-    "accel": (*ACCEL, *GYRO),
+    "accel": (*GYRO, *ACCEL),
     "mag": MAG,
     "wheels": ("left", "right"),
 }
@@ -35,7 +35,10 @@ MCAP_MAGIC = b"\x89MCAP0"
 
 @dataclass(slots=True)
 class Readings:
-    """Samples in order; `times` [s] has one for each, the other lists those that the kind has."""
+    """Samples in order; `times` [s] has one for each, the other lists those that the kind has.
+
+    For the gyro `forces` and `counts` are what else tells a rest: empty where nothing does.
+    """
 
     times: list[float] = field(default_factory=list)
     rates: list[Vector] = field(default_factory=list)
@@ -54,8 +57,12 @@ class Readings:
         return (len(self.times) - 1) / self.seconds if self.seconds > 0.0 else 1.0
 
     def take(self, message: Message) -> None:
-        """Append a sample."""
+        """Append a sample of the kind."""
         self.times.append(message.stamp * 1e-9)
+        self.beside(message)
+
+    def beside(self, message: Message) -> None:
+        """Append a sample of something else that came meanwhile."""
         if isinstance(message, Imu):
             self.rates.append(message.angular_velocity)
             self.forces.append(message.linear_acceleration)
@@ -93,8 +100,10 @@ def _recorded(file: Path, kind: Kind) -> Readings:
             there = ", ".join(recording.channels) or "no keys at all"
             found = f"several keys {', '.join(keys)}" if keys else f"no key .../{ending}"
             raise RecordingError(f"{file}: {found} ({cls.__name__}); it has {there}")
-        for sample in recording.samples(keys):
-            readings.take(sample.message)
+        wheels = [key for key, info in recording.channels.items() if info.type is WheelTicks]
+        others = wheels if kind == "gyro" and len(wheels) == 1 else []
+        for sample in recording.samples([*keys, *others]):
+            (readings.take if sample.key in keys else readings.beside)(sample.message)
     return readings
 
 
@@ -102,10 +111,11 @@ def _tabled(file: Path, kind: Kind) -> Readings:
     readings = Readings()
     with CsvTable(file) as table:
         names = COLUMNS[kind]
+        wanted = {"mag": MAG, "gyro": ACCEL}.get(kind, ())
         needed = (TIME,) if kind == "mag" else (TIME, *names)
         if kind == "mag" and (lacking := set(MAG) - set(table.columns)):
             table.fail(1, f"no column {min(lacking)}")
-        for line, (t, *values) in table.rows(needed, names if kind == "mag" else ()):
+        for line, (t, *values) in table.rows(needed, wanted):
             numbers = [value for value in values if value is not None]
             if len(numbers) < len(names):
                 continue  # no sample of the magnetometer in this row
@@ -119,9 +129,9 @@ def _tabled(file: Path, kind: Kind) -> Readings:
                 x, y, z = numbers
                 readings.fields.append((x * MICROTESLA, y * MICROTESLA, z * MICROTESLA))
             else:
-                x, y, z = numbers[-3:]
-                readings.rates.append((x, y, z))
-            if kind == "accel":
                 x, y, z = numbers[:3]
-                readings.forces.append((x, y, z))
+                readings.rates.append((x, y, z))
+                if len(numbers) == 6:
+                    x, y, z = numbers[3:]
+                    readings.forces.append((x, y, z))
     return readings

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from math import inf
 from typing import Any
@@ -24,11 +25,12 @@ from lodeline.run_folder import Reader
 from lodeline.terminal.circles import beside, ring, scatter
 from lodeline.terminal.screen import Block
 from lodeline.watch import CALIBRATING, Watch
-from lodeline_msgs import unpack
+from lodeline_msgs import DecodeError, WheelTicks, unpack
 
 SECONDS = {"gyro": 5.0, "accel": 120.0, "mag": 120.0, "wheels": 120.0}
 """How long the robot is given; the gyro needs all of it."""
 SHOW_EVERY_S = 0.4
+QUEUE = 64
 Fit = Callable[[list[Vector]], CompassFit]
 ASKED = {
     "gyro": "keep the robot still",
@@ -89,10 +91,18 @@ class Wizard:
             self._show(progress)
             return not (over or progress.enough)
 
+        for key in self._wheels_beside():
+            self._watch.subscribe(key, QUEUE, lambda _key, data, _: _beside(readings, data))
         self._watch.follow(self._key, take, self.seconds + 2.0)
         if not readings.times:
             raise CalibrationRefusedError(f"nothing came on {self._key}")
         return readings
+
+    def _wheels_beside(self) -> list[str]:
+        """The key that tells whether a robot drives whose gyro is to be calibrated."""
+        known = self._watch.keys().items()
+        keys = [key for key, each in known if each.type == WheelTicks.__name__]
+        return [self._watch.full_key(keys[0])] if self.kind == "gyro" and len(keys) == 1 else []
 
     def _wait_for_rest(self) -> None:
         """What the wheels still roll from before is no part of the drive that was measured."""
@@ -218,6 +228,11 @@ class Wizard:
         """Tell the page how it ended."""
         circles = None if drawn is None else asdict(drawn)
         self._say("written", text=verdict, circles=circles, words=drawn.words if drawn else "")
+
+
+def _beside(readings: Readings, data: bytes) -> None:
+    with suppress(DecodeError):  # the nodes count and tell what they cannot read
+        readings.beside(unpack(data, WheelTicks))
 
 
 def _sides(readings: Readings) -> Progress:

@@ -221,6 +221,39 @@ def test_what_would_mislead_is_refused_and_the_file_stays(
     assert not previous(out).exists()
 
 
+def test_a_recorded_drive_is_no_rest_of_the_gyro(
+    tmp_path: Path, out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = tmp_path / "drive.mcap"
+    with whole_file(bag) as stream:
+        writer = RecordingWriter(stream, {})
+        for i, (w, a) in enumerate(rest(4.0)):
+            writer.write("imu/data_raw", Imu(10_000_000 * i, w, a))
+            writer.write("wheels", WheelTicks(10_000_000 * i, 2 * i, 2 * i))
+        writer.close()
+    assert main(["calibrate", "gyro", "--from", str(bag), "-o", str(out)]) == 1
+    assert "REFUSED gyro: the left wheel rolled by 798 counts" in capsys.readouterr().err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        ("gyro --distance 2", "--distance is for wheels, this is gyro"),
+        ("mag --ticks-per-turn 360", "--ticks-per-turn is for wheels, this is mag"),
+        ("accel --method minmax", "--method is for mag, this is accel"),
+        ("gyro --from a.csv --seconds 3", "--seconds is for a pipeline that runs, --from reads a"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(
+    capsys: pytest.CaptureFixture[str], words: str, why: str
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["calibrate", *words.split()])
+    assert end.value.code == 2
+    assert why in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("place", "reason"), [("no/such.yaml", "No such file or directory"), (".", "Is a directory")]
 )

@@ -77,6 +77,25 @@ def test_what_is_no_rest_is_refused_with_the_reason(rates: list[Vector], reason:
         gyro_zero(rates, RATE)
 
 
+def test_a_robot_that_drives_on_evenly_is_told_by_its_wheels() -> None:
+    """Its gyro reads as at rest, or the same turn all the time."""
+    level = [(0.0, 0.0, GRAVITY)] * 500
+    trembling = [(1000 + i % 3, -i % 3) for i in range(250)]
+    assert gyro_zero(at_rest(5.0), RATE, level, trembling) == gyro_zero(at_rest(5.0), RATE)
+    turning = [(x, y, z + radians(5.0)) for x, y, z in at_rest(5.0)]
+    rolling = [(1000, i // 10) for i in range(250)]
+    for rates in (at_rest(5.0), turning):
+        with pytest.raises(CalibrationRefusedError, match="the right wheel rolled by 24 counts"):
+            gyro_zero(rates, RATE, level, rolling)
+
+
+@pytest.mark.parametrize("shape", [[2.0] * 60 + [0.0] * 440, [0.8, -0.8] * 250])
+def test_a_push_or_the_shaking_of_a_drive_is_told_by_the_accelerometer(shape: list[float]) -> None:
+    forces = [(push, 0.0, GRAVITY) for push in shape]
+    with pytest.raises(CalibrationRefusedError, match="pushed or shaken, by"):
+        gyro_zero(at_rest(5.0), RATE, forces)
+
+
 def test_a_nudge_is_refused_with_its_time() -> None:
     rates = at_rest(10.0)
     for i in range(620, 660):
