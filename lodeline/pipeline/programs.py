@@ -5,16 +5,18 @@ from __future__ import annotations
 import contextlib
 import inspect
 import sys
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from lodeline.loading import load_node, shipped
-from lodeline.node import Driver, Node
+from lodeline.node import Driver, Input, Node, Output
 from lodeline.params import Problem, build, check_class, guess, shown
 from lodeline.pipeline.document import Item, is_file
-from lodeline.pipeline.draft import DraftNode
+from lodeline.pipeline.draft import MAX_QUEUE, DraftNode
 from lodeline.pipeline.faults import Fault, Place
+from lodeline_msgs import Message
 
 
 def find_program(run: str, folder: Path) -> Path | None:
@@ -75,7 +77,19 @@ def _class_problems(cls: type[Node[Any]]) -> list[str]:
         check_class(params)
     except (TypeError, NameError) as error:
         return [str(error)]
+    ports: list[Input[Any] | Output[Any]] = [*cls.inputs().values(), *cls.outputs().values()]
     problems = [
+        f"port {port.name!r} of {cls.__name__} carries {shown(port.message)}, which is no message"
+        " class"
+        for port in ports
+        if not (isinstance(port.message, type) and issubclass(port.message, Message))
+    ]
+    problems += [
+        f"input port {port.name!r} of {cls.__name__}: {fault}"
+        for port in cls.inputs().values()
+        for fault in _policy_faults(port)
+    ]
+    problems += [
         f"input port {port.name!r} of {cls.__name__} has no handler"
         for port in cls.inputs().values()
         if not port.method
@@ -95,6 +109,15 @@ def _class_problems(cls: type[Node[Any]]) -> list[str]:
     elif not cls.inputs():
         problems.append(f"{cls.__name__} has no input port and is no Driver: it would never run")
     return problems
+
+
+def _policy_faults(port: Input[Any]) -> Iterator[str]:
+    if type(port.queue) is not int or not 1 <= port.queue <= MAX_QUEUE:
+        yield f"queue must be a whole number from 1 to {MAX_QUEUE}, got {shown(port.queue)}"
+    if port.max_age is not None and not (
+        isinstance(port.max_age, int | float) and port.max_age > 0
+    ):
+        yield f"max_age must be positive, or None, got {shown(port.max_age)}"
 
 
 def _takes_one(handler: Any) -> bool:

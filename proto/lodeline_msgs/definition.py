@@ -12,6 +12,7 @@ from typing import (
     Any,
     NoReturn,
     TypeVar,
+    cast,
     dataclass_transform,
     get_args,
     get_origin,
@@ -69,10 +70,16 @@ M = TypeVar("M", bound=Message)
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
 def message(cls: type[M]) -> type[M]:
-    """Make `cls` a message: frozen, slotted, and listed in MESSAGES."""
+    """Make `cls` a message: frozen, slotted, and listed in MESSAGES.
+
+    One of the same name and fields, of another node's file, is the same class; TypeError if its
+    fields are others.
+    """
     made = unlisted(cls)
-    MESSAGES[made.__name__] = made
-    return made
+    known = MESSAGES.setdefault(made.__name__, made)
+    if field_specs(known) != field_specs(made):
+        raise TypeError(f"there is a message class {made.__name__} already, with other fields")
+    return cast(type[M], known)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))
@@ -81,7 +88,7 @@ def unlisted(cls: type[M]) -> type[M]:
 
     Such names are those of the code that is generated for a class.
     """
-    for name in cls.__annotations__:
+    for name in vars(cls).get("__annotations__", ()):
         if name.startswith("_"):
             raise ValueError(f"{cls.__name__}.{name}: a field's name begins with a letter")
     made = _frozen(_layout(cls))

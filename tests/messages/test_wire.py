@@ -203,6 +203,13 @@ def test_a_field_may_have_any_name() -> None:
             _x: Annotated[int, Unit("1")]
 
 
+def test_a_class_of_the_same_name_and_fields_is_the_same_class() -> None:
+    """Two nodes may each define what they send to each other."""
+    known: list[type] = [message(type("Turn", (Message,), {})) for _ in range(2)]
+    del MESSAGES["Turn"]
+    assert known[0] is known[1]
+
+
 def test_every_array_names_its_parts() -> None:
     for cls in MESSAGES.values():
         for spec in field_specs(cls):

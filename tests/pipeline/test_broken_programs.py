@@ -54,6 +54,25 @@ PROGRAMS: dict[str, tuple[str, str]] = {
         "class A(Node[NoParams]):\n    imu = Input(Imu)",
         "own.py: input port 'imu' of A has no handler",
     ),
+    "port of no message": (
+        'class A(Driver[Paced]):\n    out = Output("Imu")\n    def tick(self, stamp): ...',
+        "own.py: port 'out' of A carries the text \"Imu\", which is no message class",
+    ),
+    "queue for nothing": (
+        "class A(Node[NoParams]):\n    imu = Input(Imu, queue=0)\n"
+        "    @imu.handler\n    def on_imu(self, imu): ...",
+        "own.py: input port 'imu' of A: queue must be a whole number from 1 to 100000, got 0",
+    ),
+    "age below none": (
+        "class A(Node[NoParams]):\n    imu = Input(Imu, max_age=-1)\n"
+        "    @imu.handler\n    def on_imu(self, imu): ...",
+        "own.py: input port 'imu' of A: max_age must be positive, or None, got -1",
+    ),
+    "a message's name for another one": (
+        "from lodeline_msgs import Message, message\n@message\nclass Imu(Message): ...",
+        "cannot be imported: own.py:14: TypeError:"
+        " there is a message class Imu already, with other fields",
+    ),
     "handler that takes nothing": (
         "class A(Node[NoParams]):\n    imu = Input(Imu)\n"
         "    @imu.handler\n    def on_imu(self): ...",
