@@ -4,7 +4,8 @@ A chain from an IMU's sample through calibrate, attitude, odometry and ekf to a 
 hops: (a) one process per node, (b) the nodes that estimate in one process, (c) all in one but the
 subscriber. Beside it, in turns: as many processes that only unpack and repack a sample on plain
 zenoh, as it comes and with our bus's settings; the computation as plain function calls and one hop
-over zenoh; and dora-rs where it is installed. Figures are medians of the rounds.
+over zenoh; and dora-rs where it is installed. Figures are medians of the rounds; a ratio is the
+median of the rounds' own, for what disturbs a round disturbs all chains of it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from statistics import median
 from lodeline.bench.chain import runs
 from lodeline.bench.chain.runs import Cost, Start, measure
 from lodeline.tables import table
+from lodeline.terminal.numbers import count, positive
 
 EXIT_FAILED = 1
 CHAINS: dict[str, Start] = {
@@ -40,7 +42,10 @@ TITLES = {
     "together": "(c) all in one",
     "dora": "dora-rs chain",
 }
-Results = dict[float, dict[str, Cost]]
+BASE = "raw"
+RATIOS = ("p50", "p99", "cpu")
+Results = dict[float, dict[str, list[Cost]]]
+"""What each round found, by rate [Hz] and chain."""
 
 
 def main(argv: list[str]) -> int:
@@ -59,7 +64,10 @@ def main(argv: list[str]) -> int:
         return EXIT_FAILED
     if arguments.json:
         plain = {
-            f"{rate:g}": {name: asdict(cost) for name, cost in costs.items()}
+            f"{rate:g}": {
+                name: asdict(middle(rounds)) | {"of_raw": _ratios(rounds, costs.get(BASE))}
+                for name, rounds in costs.items()
+            }
             for rate, costs in results.items()
         }
         print(json.dumps(plain))
@@ -74,8 +82,8 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--rates", type=float, nargs="+", default=[50.0, 200.0, 500.0, 1000.0], metavar="HZ"
     )
-    parser.add_argument("--seconds", type=float, default=1.5, help="of each (default: 1.5)")
-    parser.add_argument("--rounds", type=int, default=1, help="(default: 1)")
+    parser.add_argument("--seconds", type=positive, default=1.5, help="of each (default: 1.5)")
+    parser.add_argument("--rounds", type=count, default=3, help="(default: 3)")
     parser.add_argument("--chains", nargs="+", choices=CHAINS, default=list(CHAINS))
     parser.add_argument(
         "--priority",
@@ -88,21 +96,16 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(chains: Sequence[str], rates: Sequence[float], seconds: float, rounds: int) -> Results:
-    """Measure all chains in turns."""
-    found: dict[float, dict[str, list[Cost]]] = {
-        rate: {name: [] for name in chains} for rate in rates
-    }
-    for _ in range(rounds):
+    """Measure all chains in turns, every other round backwards."""
+    found: Results = {rate: {name: [] for name in chains} for rate in rates}
+    for number in range(rounds):
         for rate in rates:
-            for name in chains:
+            for name in chains if number % 2 == 0 else reversed(chains):
                 found[rate][name].append(measure(CHAINS[name], rate, seconds))
-    return {
-        rate: {name: _middle(costs) for name, costs in by_name.items()}
-        for rate, by_name in found.items()
-    }
+    return found
 
 
-def _middle(costs: list[Cost]) -> Cost:
+def middle(costs: list[Cost]) -> Cost:
     """Medians of each figure; samples and losses are added up."""
     figures = {
         item.name: median(getattr(cost, item.name) for cost in costs) for item in fields(Cost)
@@ -110,6 +113,17 @@ def _middle(costs: list[Cost]) -> Cost:
     figures["samples"] = sum(cost.samples for cost in costs)
     figures["lost"] = sum(cost.lost for cost in costs)
     return Cost(**figures)
+
+
+def ratio(costs: list[Cost], base: list[Cost], figure: str) -> float:
+    """How many times the base's a figure is, in the median of the rounds."""
+    pairs = zip(costs, base, strict=True)
+    found: list[float] = [getattr(mine, figure) / getattr(their, figure) for mine, their in pairs]
+    return median(found)
+
+
+def _ratios(costs: list[Cost], base: list[Cost] | None) -> dict[str, float]:
+    return {} if base is None else {name: ratio(costs, base, name) for name in RATIOS}
 
 
 def _take_priority(priority: int) -> str:
@@ -125,12 +139,8 @@ def shown(results: Results) -> str:
     """A table of all, and what of the raw chain each is."""
     rows = []
     for rate, costs in results.items():
-        base = costs.get("raw")
-        for name, cost in costs.items():
-            ratios = ["", "", ""]
-            if base is not None:
-                pairs = ((cost.p50, base.p50), (cost.p99, base.p99), (cost.cpu, base.cpu))
-                ratios = [f"{mine / theirs:.2f}" for mine, theirs in pairs]
+        for name, rounds in costs.items():
+            cost, ratios = middle(rounds), _ratios(rounds, costs.get(BASE))
             numbers = (cost.p50, cost.p99, cost.p999)
             rows.append(
                 [
@@ -139,7 +149,7 @@ def shown(results: Results) -> str:
                     *(f"{number:.0f}" for number in numbers),
                     str(cost.lost),
                     f"{cost.cpu:.3f}",
-                    *ratios,
+                    *(f"{ratios[name]:.2f}" if ratios else "" for name in RATIOS),
                     str(round(cost.processes)),
                     f"{cost.threads:g}",
                     f"{cost.rss / 1e6:.1f}",
@@ -151,9 +161,9 @@ def shown(results: Results) -> str:
     lines = [table(headings, rows, set(headings) - {"chain"}), ""]
     for rate, costs in results.items():
         if "calls" in costs and "together" in costs:
-            calls, mine = costs["calls"], costs["together"]
+            calls = costs["calls"]
             lines.append(
-                f"{rate:g} Hz: (c) is {mine.p50 / calls.p50:.2f} times the plain calls and a hop, "
-                f"of which the calls are {calls.calls:.0f} us"
+                f"{rate:g} Hz: (c) is {ratio(costs['together'], calls, 'p50'):.2f} times the plain "
+                f"calls and a hop, of which the calls are {middle(calls).calls:.0f} us"
             )
     return "\n".join(lines)
