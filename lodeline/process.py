@@ -39,6 +39,8 @@ from lodeline_msgs import Message, encoding_of
 EX_USAGE, EX_DEVICE, EX_SOFTWARE, EX_CONFIG = 64, 69, 70, 78
 BEAT_S = 0.2
 STATUS_S = 1.0
+"""A whole number of beats."""
+GOLDEN = 0.618034
 LAYING_S = 5.0
 SILENCE_S = 5.0
 MAX_FAILURES = 20
@@ -168,11 +170,11 @@ class NodeProcess:
         notifier.send("READY=1")
         linked, started = False, time.monotonic()
         expected = None
-        next_status = started + STATUS_S
+        next_status = _first_status(started)
         while not (orders.stop or self.failed.is_set()):
             # While wires are being laid, look often: the whole pipeline waits for the last one.
             laying = (not linked and time.monotonic() - started < LAYING_S) or bool(self.missed)
-            orders.wait(0.01 if laying else BEAT_S)
+            orders.wait(0.01 if laying else (next_status - time.monotonic()) % BEAT_S)
             if not linked and self._linked():
                 linked = True
                 notifier.send("LINKED=1")
@@ -193,6 +195,8 @@ class NodeProcess:
                 self._report(notifier)
                 if expected is not None:
                     self._mind_silence(expected)
+            else:
+                self.status.pack_many()
         notifier.send("STOPPING=1")
         self._close()
         return self.exit_code
@@ -250,6 +254,17 @@ class NodeProcess:
                 self.graph.close()
             self.lock.release()
         self.bus.close()
+
+
+def _first_status(started: float) -> float:
+    """When to report for the first time [s], and every second from then on.
+
+    In turns: what all processes of a pipeline do at once holds their samples up for milliseconds.
+    Those that were started in a row have numbers in a row, and multiples of the golden ratio lie
+    apart whatever number they begin with.
+    """
+    turn, earliest = os.getpid() * GOLDEN * STATUS_S, started + 0.5 * STATUS_S
+    return earliest + (turn - earliest) % STATUS_S
 
 
 def _make_node(item: NodeLaunch, kind: type[Node[Any]], folder: Path) -> Node[Any]:

@@ -23,6 +23,8 @@ KEPT_BYTES = 1 << 20
 """Of an output as it was sent, which shortens that: 8000 IMU samples are 8 s at 1 kHz."""
 _KEPT_NS = int(KEPT_S * 1e9)
 _FAST = 1
+MANY = 64
+"""Samples that make a block: more compress no better, and hold a processor up for longer."""
 NEWEST = 512
 """Samples for who names no numbers, two and a half seconds at 200 Hz."""
 
@@ -54,7 +56,8 @@ class _Block(NamedTuple):
 
 class Recent:
     """Keeps the newest samples of an output: `keep` each in the thread that sends it, `pack` what
-    came since, about once a second, in one that has time; `answer` may run in any thread.
+    came since, in one that has time, once a second and as soon as there are `many`; `answer` may
+    run in any thread.
     """
 
     def __init__(self, source: str) -> None:
@@ -67,6 +70,11 @@ class Recent:
     def keep(self, message: Message, data: bytes) -> None:
         """A sample that was just sent, and its bytes."""
         self._fresh.append((message.seq, message.stamp, data))
+
+    @property
+    def many(self) -> bool:
+        """Whether enough for a block came since the last `pack`."""
+        return len(self._fresh) >= MANY
 
     def pack(self) -> None:
         """Compress what came since the last call, and forget what is too old."""
