@@ -59,6 +59,7 @@ class NodeProcess:
         self.host_clock = HostClock(launch.epoch_offset)
         self.clock: Clock = RecordingClock() if launch.clock == "recording" else self.host_clock
         self.failed = threading.Event()
+        self._raised: set[tuple[str, str, int, str]] = set()
         folder = Path(launch.run_folder)
         self.nodes = {
             item.name: _make_node(item, types[item.name], folder) for item in launch.nodes
@@ -141,22 +142,33 @@ class NodeProcess:
         return json.dumps(before._asdict()).encode()
 
     def _handler_failed(self, name: str, message: Message, error: Exception) -> None:
-        import traceback
-
-        text = "".join(traceback.format_exception(error)).rstrip()
-        print(f"EXCEPTION {name}: {error!r} at {message}\n{text}", file=sys.stderr, flush=True)
+        self._tell(name, error, f" at {message}")
         if self.graph.failing[name] >= MAX_FAILURES:
             self.keepsakes[name].forget()
-            self._give_up(name, f"{MAX_FAILURES} exceptions in a row")
+            self._give_up(name, f"{MAX_FAILURES} exceptions in a row, the last {error!r}")
 
     def _ticking_failed(self, node: Node[Any], error: BaseException, in_a_row: int) -> None:
-        import traceback
-
-        traceback.print_exception(error, file=sys.stderr)
+        self._tell(node.context.name, error, "")
         if isinstance(error, SystemExit) or in_a_row >= MAX_FAILURES:
             self._give_up(node.context.name, str(error), getattr(error, "code", EX_SOFTWARE))
 
+    def _tell(self, name: str, error: BaseException, where: str) -> None:
+        """An exception with its way through the program, once for each place that raises it.
+
+        How many there are of it is said once a second, as EXCEPTIONS.
+        """
+        import traceback
+
+        *_, (frame, line) = traceback.walk_tb(error.__traceback__)
+        place = (name, frame.f_code.co_filename, line, type(error).__name__)
+        if place not in self._raised:
+            self._raised.add(place)
+            text = "".join(traceback.format_exception(error)).rstrip()
+            print(f"EXCEPTION {name}: {error!r}{where}\n{text}", file=sys.stderr, flush=True)
+
     def _give_up(self, name: str, why: str, code: Any = EX_SOFTWARE) -> None:
+        if self.failed.is_set():
+            return  # what still came in meanwhile
         print(f"GIVING_UP {name}: {why}", file=sys.stderr, flush=True)
         self.exit_code = code if isinstance(code, int) else EX_SOFTWARE
         self.failed.set()
