@@ -92,6 +92,9 @@ class Graph:
                 handler(message)
             except Exception as error:
                 fail(name, node, message, error)
+            except SystemExit as end:
+                text = f"exit({end.code!r}) in a handler: a node ends when its pipeline does"
+                fail(name, node, message, RuntimeError(text).with_traceback(end.__traceback__))
             else:
                 if failing:
                     failing.pop(name, None)

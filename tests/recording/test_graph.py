@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -19,7 +20,7 @@ class NoParams:
 
 
 class Adder(Node[NoParams]):
-    """Sends each count one higher; cannot take a left count of 13."""
+    """Sends each count one higher; cannot take a left count of 13, and ends at 17."""
 
     ticks = Input(WheelTicks)
     more = Output(WheelTicks)
@@ -28,6 +29,8 @@ class Adder(Node[NoParams]):
     def on_ticks(self, ticks: WheelTicks) -> None:
         if ticks.left == 13:
             raise ValueError("no thirteen")
+        if ticks.left == 17:
+            sys.exit(2)
         self.more.send(WheelTicks(ticks.stamp, ticks.left + 1, ticks.right))
 
 
@@ -93,6 +96,15 @@ def test_exception_is_counted_and_the_chain_goes_on() -> None:
         assert context.rejected["exception"] == 1
         assert context.last_error == "ValueError: no thirteen"
     assert graph.nodes["c"].context.rejected["exception"] == 0
+
+
+def test_exit_in_a_handler_is_an_exception_like_others() -> None:
+    faults: list[Exception] = []
+    graph = chain("a", on_error=lambda _name, _msg, error: faults.append(error))
+    graph.deliver("k0", WheelTicks(1, 17, 0))
+    assert str(faults[0]) == "exit(2) in a handler: a node ends when its pipeline does"
+    assert faults[0].__traceback__ is not None
+    assert graph.nodes["a"].context.rejected["exception"] == 1
 
 
 def test_failures_in_a_row_are_known_until_a_sample_goes_well() -> None:
