@@ -4,12 +4,13 @@
     lodeline grade odometry --blank my.py   a node with a part to write
     lodeline grade odometry my.py           over two simulated drives, beside the reference
 
-Exit codes: 0 right, 1 not right yet, 2 usage.
+Exit codes: 0 right, 1 not right yet, 2 usage, 4 no such file.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import sys
 from pathlib import Path
@@ -18,7 +19,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:  # the simulator is loaded when there is something to grade
     from lodeline.grading import Exercise, Grade
 
-WRONG = 1
+WRONG, NOTHING = 1, 4
 
 
 def main(argv: list[str]) -> int:
@@ -28,6 +29,8 @@ def main(argv: list[str]) -> int:
     from lodeline.grading import EXERCISES, GradingError, grade
 
     if args.exercise is None:
+        if args.blank is not None:
+            parse.error(f"of which exercise? ({', '.join(EXERCISES)})")
         titles = {exercise.name: exercise.title for exercise in EXERCISES.values()}
         lines = (f"{name:12} {title}" for name, title in titles.items())
         print(json.dumps(titles, indent=1) if args.json else "\n".join(lines))
@@ -41,8 +44,12 @@ def main(argv: list[str]) -> int:
         return _write(exercise, args.blank)
     if args.file is None:
         parse.error("which file? (a new one: --blank FILE)")
+    if not args.file.exists():
+        print(f"{args.file}: there is no such file", file=sys.stderr)
+        return NOTHING
     try:
-        found = grade(exercise, args.file, args.seed or (1, 2))
+        with contextlib.redirect_stdout(sys.stderr):  # what the node prints is no part of ours
+            found = grade(exercise, args.file, args.seed or (1, 2))
     except GradingError as error:
         print(error, file=sys.stderr)
         return WRONG

@@ -182,6 +182,8 @@ def test_the_verb_lists_writes_and_grades(tmp_path: Path, capsys: Capture) -> No
     assert f"lodeline grade heading {mine}" in capsys.readouterr().out
     assert cli.main(["grade", "heading", "--blank", mine]) == 1
     assert "is there already, and stays as it is" in capsys.readouterr().err
+    blank = Path(mine).read_text()
+    Path(mine).write_text(blank.replace("    return 0.0\n", '    print("here")\n    return 0.0\n'))
     assert cli.main(["grade", "heading", mine, "--seed", "1", "--json"]) == 1
     report = json.loads(capsys.readouterr().out)
     assert report["passed"] is False
@@ -192,7 +194,11 @@ def test_the_verb_lists_writes_and_grades(tmp_path: Path, capsys: Capture) -> No
 
 @pytest.mark.parametrize(
     ("arguments", "why"),
-    [(["headin", "x.py"], "did you mean 'heading'?"), (["heading"], "which file?")],
+    [
+        (["headin", "x.py"], "did you mean 'heading'?"),
+        (["heading"], "which file?"),
+        (["--blank", "x.py"], "of which exercise? (odometry, heading, measurement)"),
+    ],
 )
 def test_wrong_words_are_usage_errors(arguments: list[str], why: str, capsys: Capture) -> None:
     with pytest.raises(SystemExit) as stop:

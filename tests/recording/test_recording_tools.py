@@ -68,6 +68,7 @@ def test_info_of_what_is_no_recording_fails_with_one_line(
         "calibrate mag --from FILE",
         "compare FILE FILE",
         "estimate FILE -o out.csv",
+        "grade odometry FILE",
         "plot FILE",
         "replay FILE --pipeline magnet-lab",
         "replay FILE --format lecture-wheels",
