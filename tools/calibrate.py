@@ -248,6 +248,8 @@ def fit_compass(method: str, fields: list[Vector], before: ImuCalibration = UNKN
     try:
         return fit_ellipse(thinned, before)
     except CalibrationRefusedError as error:
+        if str(error) == str(whole):
+            raise
         raise CalibrationRefusedError(f"{error} (nor as turns about all axes: {whole})") from None
 
 

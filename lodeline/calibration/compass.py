@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _Nine = tuple[float, float, float, float, float, float, float, float, float]
 
+LEAST_CHANGE = 0.1  # of readings, relative to their mean
 LEAST_COVERAGE = 5.0 / 3.0 * pi  # [rad] 300 degrees
 LEAST_SPREAD = 0.08  # smallest share of directions along any axis; a full sphere has 1/3
 MOST_OUTLIERS = 0.1
@@ -59,7 +60,7 @@ def fit_ellipse(readings: Sequence[Vector], before: ImuCalibration = UNKNOWN) ->
 
     CalibrationRefusedError when the turn covers less than 300 degrees or the fit is bad.
     """
-    points = checked(readings, 30, "magnetometer")
+    points = _turned(readings, 30)
     return _flat(points, fit_quadric(points[:, :2]), before)
 
 
@@ -69,7 +70,7 @@ def fit_minmax(readings: Sequence[Vector], before: ImuCalibration = UNKNOWN) -> 
     """
     import numpy as np
 
-    points = checked(readings, 30, "magnetometer")
+    points = _turned(readings, 30)
     try:
         found = MinMax.of((float(x), float(y)) for x, y, _ in points)
     except ValueError as error:
@@ -109,7 +110,7 @@ def fit_ellipsoid(readings: Sequence[Vector]) -> CompassFit:
     """
     import numpy as np
 
-    points = checked(readings, 100, "magnetometer")
+    points = _turned(readings, 100)
     quadric = fit_quadric(points)
     strength = _strength(quadric)
     unit = (points - quadric.centre) @ quadric.shape
@@ -128,6 +129,17 @@ def fit_ellipsoid(readings: Sequence[Vector]) -> CompassFit:
     coverage = 2.0 * pi * len(np.unique(octants)) / 8.0
     matrix = strength * quadric.shape
     return _judged(quadric, (x, y, z), matrix, strength, coverage, length - 1.0, octants)
+
+
+def _turned(readings: Sequence[Vector], fewest: int) -> "NDArray[Any]":
+    """The readings as an array. Refuses those of a robot that did not turn."""
+    import numpy as np
+
+    points = checked(readings, fewest, "magnetometer")
+    low, high = np.percentile(points, (2.5, 97.5), axis=0)
+    if (high - low).max() < LEAST_CHANGE * np.linalg.norm(points.mean(axis=0)):
+        raise CalibrationRefusedError("the readings do not change enough: turn the robot")
+    return points
 
 
 def _strength(quadric: Quadric) -> float:

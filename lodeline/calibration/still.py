@@ -21,7 +21,7 @@ SHORTEST_REST = 2.0  # [s]
 LARGEST_ZERO = radians(20.0)  # [rad/s] no working gyro reads more at rest
 LARGEST_SWAY = radians(1.0)  # [rad/s] by which means over half a second may differ at rest
 LARGEST_SHAKE = 0.3  # [m/s^2] likewise
-LARGEST_ROLL = 8  # [tick] by which the counts of a wheel that stands may differ
+LARGEST_ROLL = 2.5  # [tick] by which means of the counts over half a second may differ at rest
 LARGEST_MISFIT = 0.1  # [m/s^2] RMS of the length of gravity after calibration
 UNKNOWNS = 6  # offset and scale of three axes
 LEAST_LEAN = 0.7  # [g] that every axis must have seen both ways
@@ -83,9 +83,9 @@ def gyro_zero(
     """
     import numpy as np
 
-    _check_wheels(counts)
     points = checked(rates, 2, "gyro")
     duration = len(points) / rate_hz
+    _check_wheels(counts, duration)
     if duration < SHORTEST_REST:
         raise CalibrationRefusedError(
             f"{duration:.1f} s of rest are too short, {SHORTEST_REST:.0f} are needed"
@@ -112,13 +112,18 @@ def gyro_zero(
     return GyroZero((x, y, z), error, duration)
 
 
-def _check_wheels(counts: Sequence[tuple[int, int]]) -> None:
-    for side, name in zip(zip(*counts, strict=True), ("left", "right"), strict=False):
-        if max(side) - min(side) > LARGEST_ROLL:
-            raise CalibrationRefusedError(
-                f"the {name} wheel rolled by {max(side) - min(side)} counts meanwhile: stop the"
-                " robot, and wait"
-            )
+def _check_wheels(counts: Sequence[tuple[int, int]], seconds: float) -> None:
+    import numpy as np
+
+    if len(counts) < 2:
+        return
+    means = _windows(np.asarray(counts, dtype=float), len(counts) / seconds)
+    rolled = np.ptp(means, axis=0)
+    if rolled.max() > LARGEST_ROLL:
+        raise CalibrationRefusedError(
+            f"the {('left', 'right')[int(rolled.argmax())]} wheel rolled by {rolled.max():.0f}"
+            " counts meanwhile: stop the robot, and wait"
+        )
 
 
 def _check_forces(forces: Sequence[Vector], rate_hz: float) -> None:
@@ -210,5 +215,5 @@ def _windows(points: "NDArray[Any]", rate_hz: float) -> "NDArray[Any]":
     """Means over consecutive half seconds."""
     size = max(1, round(WINDOW * rate_hz))
     whole = len(points) // size
-    means: NDArray[Any] = points[: whole * size].reshape(whole, size, 3).mean(axis=1)
+    means: NDArray[Any] = points[: whole * size].reshape(whole, size, -1).mean(axis=1)
     return means

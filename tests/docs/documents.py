@@ -45,6 +45,7 @@ SHORTER = (
     ("lodeline dash", "--seconds 1"),
     ("lodeline topic echo", "-n 1"),
     ("lodeline top", "--once"),
+    ("lodeline bag play", "--rate 40"),
     ("lodeline bag record", "--seconds 2"),
     ("lodeline calibrate gyro", "--seconds 2.5"),
     ("lodeline calibrate wheels --distance", "--distance 1"),
