@@ -37,16 +37,26 @@ class HostClock:
 
 
 class RecordingClock:
-    """Time as far as the samples have told it: the newest stamp seen."""
+    """Time as far as the samples have told it: the newest stamp seen.
+
+    A leap of more than a second is taken back when a sample comes from before it: then it was one
+    wrong stamp, and no hole in the recording.
+    """
 
     def __init__(self) -> None:
         self._newest = 0
+        self._before_leap: int | None = None
 
     def now(self) -> int:
         return self._newest
 
     def saw(self, stamp: int) -> None:
-        self._newest = max(self._newest, stamp)
+        if stamp > self._newest + STEP_NS:
+            self._before_leap, self._newest = self._newest, stamp
+        elif self._before_leap is not None and abs(stamp - self._before_leap) < STEP_NS:
+            self._before_leap, self._newest = None, stamp
+        else:
+            self._newest = max(self._newest, stamp)
 
 
 class StepWatch:

@@ -117,6 +117,20 @@ def test_by_the_clock_of_a_recording_age_counts_from_the_newest_sample() -> None
     assert (new.received, old.received, old.late) == (1, 0, 1)
 
 
+def test_one_stamp_far_ahead_does_not_carry_the_clock_of_a_recording_away() -> None:
+    clock = RecordingClock()
+    taken: list[int] = []
+    inlet = Inlet(
+        "a", WheelTicks, 0.25, clock, lambda _: None, lambda sample: taken.append(sample.seq)
+    )
+    hole = 3600 * SECOND
+    stamps = [10.0, 10.1, 1e9, 1e9 + 0.1, 10.2, 10.3, 10.3 + 3600, 10.4 + 3600]
+    for seq, stamp in enumerate(stamps):
+        inlet.take(pack(WheelTicks(int(stamp * SECOND), 0, 0, seq=seq)))
+    assert taken == list(range(len(stamps)))
+    assert clock.now() == int(10.4 * SECOND) + hole
+
+
 def test_what_cannot_be_decoded_is_counted_and_named() -> None:
     bench = Bench()
     bench.inlet.take(b"\xc1")
