@@ -28,6 +28,9 @@ exit codes: 0 fine, 1 failed, 2 usage, 3 invalid pipeline, 4 nothing there, 5 a 
 def main(argv: list[str] | None = None) -> int:
     """Run one verb; its exit code."""
     arguments = sys.argv[1:] if argv is None else argv
+    # Python has none where the shell closed it (`>&-`): what is said then is for nobody.
+    sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115
+    sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
     try:
         code = _run(arguments)
         sys.stdout.flush()

@@ -106,6 +106,13 @@ def test_a_full_disk_behind_the_output_is_named() -> None:
     assert (result.returncode, result.stderr) == (1, "lodeline: output: No space left on device\n")
 
 
+@pytest.mark.parametrize("closed", ["1", "2"])
+def test_an_output_that_the_shell_closed_changes_no_exit_code(closed: str) -> None:
+    command = f'"{sys.executable}" -P -m lodeline check {closed}>&-'
+    result = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert (result.returncode, result.stderr) == (0, "")
+
+
 def test_echo_shows_units_where_there_are_some() -> None:
     sample = next(each for each in SAMPLES if isinstance(each, Odometry))
     lines = sample_text(pack(sample), field_specs(Odometry), as_json=False).splitlines()
