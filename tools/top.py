@@ -2,8 +2,9 @@
 
 Shown anew every second until Ctrl-C. The figures are those that every node publishes about
 itself: watching costs it next to nothing. Ages are the oldest of a node's inputs, since the
-sensor was read; losses are counts since the node started. Exit codes: 0 shown, 2 usage,
-4 nothing runs (any more), 130 interrupted.
+sensor was read; losses are counts since the node started, of a driver also the ticks that it
+missed (LOST) and was late for (LATE). Exit codes: 0 shown, 2 usage, 4 nothing runs (any more),
+130 interrupted.
 """
 
 from __future__ import annotations

@@ -44,9 +44,7 @@ def health(
                 "rates": _rates(manifest, now),
                 "age_p50": max(now.age_p50.values(), default=None) if now else None,
                 "age_p99": max(now.age_p99.values(), default=None) if now else None,
-                "lost": sum(status.lost.values()) if status else None,
-                "late": sum(status.late.values()) if status else None,
-                "rejected": sum(status.rejected.values()) if status else None,
+                **_losses(status),
                 "jitter": now.jitter if now else None,
                 "cpu": now.cpu if now else None,
                 "rss": status.rss if status else None,
@@ -55,6 +53,18 @@ def health(
             }
         )
     return rows
+
+
+def _losses(status: NodeStatus | None) -> dict[str, int | None]:
+    """What a node did not use; ticks that a driver missed or was late for are no refusals."""
+    if status is None:
+        return dict.fromkeys(_COUNTERS)
+    rejected = dict(status.rejected)
+    return {
+        "lost": sum(status.lost.values()) + rejected.pop("missed tick", 0),
+        "late": sum(status.late.values()) + rejected.pop("late tick", 0),
+        "rejected": sum(rejected.values()),
+    }
 
 
 def _state(status: NodeStatus | None, silence: float, process: str | None) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lodeline.dash.scene import status_of
 from lodeline.run_folder import Key, Manifest
 from lodeline.terminal.health import health, health_table
@@ -58,3 +60,11 @@ def test_top_shows_dashes_for_what_a_silent_node_does_now() -> None:
     assert (silent["rates"], silent["age_p99"], silent["cpu"]) == ({}, None, None)
     assert (silent["state"], silent["lost"], silent["late"]) == ("silent", 3, 1)
     assert "100" not in health_table([silent])
+
+
+def test_ticks_that_a_driver_missed_or_was_late_for_are_no_refusals() -> None:
+    refused = {"missed tick": 2, "late tick": 60, "overflow": 1}
+    status = replace(STATUS, lost={}, late={}, rejected=refused)
+    (row,) = health(MANIFEST, {"odometry": status}, {"odometry": 0.5}, {})
+    assert (row["lost"], row["late"], row["rejected"]) == (2, 60, 1)
+    assert status.rejected == refused
