@@ -27,6 +27,7 @@ class Keepsake:
     def __init__(self, node: Node[Any], folder: Path) -> None:
         self._node = node
         self._file = folder / f"{node.context.name}.msgpack"
+        self._part = self._file.with_suffix(".part")
         self._stored = b""
 
     def look(self, marks: Mapping[str, int]) -> bytes:
@@ -38,9 +39,8 @@ class Keepsake:
         """Write what `look` saw if it is something new; a slow disk may take its time."""
         if data and data != self._stored:
             self._stored = data
-            part = self._file.with_suffix(".part")
-            part.write_bytes(zlib.crc32(data).to_bytes(4, "little") + data)
-            part.replace(self._file)
+            self._part.write_bytes(zlib.crc32(data).to_bytes(4, "little") + data)
+            self._part.replace(self._file)
 
     def restore(self) -> dict[str, int] | None:
         """Hand the state on file to the node; its marks, or None if there was none to take."""

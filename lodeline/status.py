@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -103,7 +102,7 @@ class StatusReporter:
         self.complaints: list[Complaint] = []
         self._seq = 0
         self._since = time.monotonic()
-        self._cpu = _cpu_seconds()
+        self._cpu = time.process_time()
 
     def outlet(self, node: str, publisher: Publisher, expected: float | None = None) -> Outlet:
         """A counted way onto the bus for one output of a node, `expected` times a second."""
@@ -146,7 +145,7 @@ class StatusReporter:
         `complaints` is then what is wrong with them, as found here.
         """
         self.complaints = []
-        now, cpu = time.monotonic(), _cpu_seconds()
+        now, cpu = time.monotonic(), time.process_time()
         elapsed, used = max(now - self._since, 1e-3), cpu - self._cpu
         self._since, self._cpu = now, cpu
         for name in self._nodes:
@@ -242,11 +241,6 @@ def _drained(lateness: deque[float]) -> float:
     return _quantile(values, 0.99) if values else 0.0
 
 
-def _cpu_seconds() -> float:
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return usage.ru_utime + usage.ru_stime
-
-
 def _resident_bytes() -> int:
     pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * resource.getpagesize()
+    return pages * os.sysconf("SC_PAGE_SIZE")

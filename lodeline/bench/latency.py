@@ -24,6 +24,7 @@ from lodeline.tables import table
 from lodeline.terminal.numbers import count, positive
 
 EXIT_FAILED = 1
+MIB = 1 << 20
 CHAINS: dict[str, Start] = {
     "raw": runs.raw,
     "tuned": runs.raw_tuned,
@@ -152,12 +153,12 @@ def shown(results: Results) -> str:
                     *(f"{ratios[name]:.2f}" if ratios else "" for name in RATIOS),
                     str(round(cost.processes)),
                     f"{cost.threads:g}",
-                    f"{cost.rss / 1e6:.1f}",
-                    f"{cost.pss / 1e6:.0f}",
+                    f"{cost.rss / MIB:.1f}",
+                    f"{cost.pss / MIB:.0f}",
                 ]
             )
     headings = ["Hz", "chain", "p50 us", "p99", "p99.9", "lost", "CPU s/1000"]
-    headings += ["p50/raw", "p99/raw", "CPU/raw", "processes", "threads", "RSS MB", "PSS MB, all"]
+    headings += ["p50/raw", "p99/raw", "CPU/raw", "processes", "threads", "RSS MiB", "PSS MiB, all"]
     lines = [table(headings, rows, set(headings) - {"chain"}), ""]
     for rate, costs in results.items():
         if "calls" in costs and "together" in costs:

@@ -2,7 +2,7 @@
 
 Nobody else listens: what is sent for a tool is kept for 20 s besides, in case it is cut off.
 RSS counts pages that processes share in each of them, PSS in parts, so that sums are true.
-Megabytes are 2^20 bytes. Supervisor and guard are counted besides.
+Supervisor and guard are counted besides.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def shown(title: str, held: Held) -> str:
     nodes = sum(part.pss for name, part in held.items() if not name.startswith("("))
     rows.append(["nodes together", "", _mib(nodes), ""])
     rows.append(["all", "", _mib(sum(part.pss for part in held.values())), ""])
-    headings = [title, "RSS MB", "PSS MB", "threads"]
+    headings = [title, "RSS MiB", "PSS MiB", "threads"]
     return table(headings, rows, set(headings) - {title})
 
 

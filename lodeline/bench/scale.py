@@ -173,5 +173,5 @@ def shown(heard: list[Heard], fleet: list[Robots]) -> str:
         ]
         for each in fleet
     ]
-    headings = ["robots", "% of a core each", "PSS MB each", "pose Hz"]
+    headings = ["robots", "% of a core each", "PSS MiB each", "pose Hz"]
     return "\n".join([*lines, "", table(headings, rows, headings)])

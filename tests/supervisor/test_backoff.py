@@ -66,4 +66,5 @@ def test_the_environment_of_nodes_is_an_allow_list() -> None:
         "PYTHONUNBUFFERED": "1",
         "OPENBLAS_NUM_THREADS": "1",
         "MALLOC_ARENA_MAX": "1",
+        "MALLOC_MMAP_THRESHOLD_": "65536",
     }
