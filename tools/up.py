@@ -190,7 +190,13 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
                 overhear_links(refusals.take)
             with several_threads() if link.ends else nullcontext():
                 hub = Hub(run.path)
-            advice = Advice(hub.collect_kept, pipeline.name, manifest.host, pipeline.link_rate)
+            advice = Advice(
+                hub.collect_kept,
+                pipeline.name,
+                manifest.host,
+                pipeline.link_rate,
+                pipeline.read_elsewhere(manifest.host),
+            )
             slowness = Slowness(console.event, advice)
             gateway = Gateway(run.path, link, slowness.look) if link.ends else None
             others = tuple(each for each in pipeline.hosts if link.ends and each != host)

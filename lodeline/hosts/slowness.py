@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
 
 from lodeline_msgs import DecodeError, NodeStatus, unpack
@@ -17,9 +17,11 @@ LOOKS = 15
 """Slow is a link for which something was held back at so many looks in a row, which are 3 s."""
 AGAIN_S = 60.0
 FRESH_S = 5.0
-VIEW_HZ = 20.0
-"""What a person who watches needs of any key."""
-MOST_KEYS = 3
+RATES = (100.0, 50.0, 20.0, 10.0, 5.0, 2.0)
+"""What is proposed [Hz]: the first that fits."""
+LEAST_HZ = 1.0
+SHARE = 0.6
+"""The part of what a link takes that samples may have; headers and status have the rest."""
 ANSWER_S = 0.2
 
 Collect = Callable[[Callable[[str, bytes, str], None]], None]
@@ -43,10 +45,10 @@ class Slow(NamedTuple):
 class Slowness:
     """Collects looks at links by `look`, in one thread; `event(text)` tells of each each minute.
 
-    `remedy()` is asked whenever it is told.
+    `remedy(takes)` [B/s] is asked whenever it is told.
     """
 
-    def __init__(self, event: Callable[[str], None], remedy: Callable[[], str]) -> None:
+    def __init__(self, event: Callable[[str], None], remedy: Callable[[float], str]) -> None:
         self._event = event
         self._remedy = remedy
         self._looks: dict[str, deque[tuple[float, bool, int]]] = {}
@@ -64,10 +66,11 @@ class Slowness:
             return  # cut, not slow
         told, remedy = self._told.get(who, (-AGAIN_S, ""))
         again = now - told >= AGAIN_S
+        takes = (after - before) / (ended - began)
         if again:
-            remedy = self._remedy()
+            remedy = self._remedy(takes)
             self._told[who] = now, remedy
-        slow = Slow(who, (after - before) / (ended - began), remedy)
+        slow = Slow(who, takes, remedy)
         self._last = now, slow
         if again:
             self._event(str(slow))
@@ -81,34 +84,61 @@ class Slowness:
 class Advice:
     """What to write in the pipeline file of a host, by what its nodes say that they send.
 
-    `collect_kept` is that of the hub; `thinned` are the full keys of `link_rate` [Hz].
+    `collect_kept` is that of the hub; `thinned` are the full keys of `link_rate` [Hz], `crossing`
+    those that nodes of other hosts read. What tools there watch is not known here: where no node
+    reads anything, all that is sent is named.
     """
 
     def __init__(
-        self, collect_kept: CollectKept, name: str, host: str, thinned: Mapping[str, float]
+        self,
+        collect_kept: CollectKept,
+        name: str,
+        host: str,
+        thinned: Mapping[str, float],
+        crossing: Collection[str],
     ) -> None:
         self._collect_kept = collect_kept
         self._name = name
         self._host = host
         self._thinned = thinned
+        self._crossing = crossing
         self._collect: Collect | None = None
-        self._sizes: dict[str, float] = {}
+        self._sent: dict[str, tuple[float, float]] = {}
 
-    def __call__(self) -> str:
+    def __call__(self, takes: float) -> str:
+        """In words, for a link that takes so much [B/s]."""
         if self._collect is None:
             self._collect = self._collect_kept(f"{self._name}/status/*")
             time.sleep(ANSWER_S)
         self._collect(self._take)
-        largest = sorted(self._sizes, key=lambda key: -self._sizes[key])[:MOST_KEYS]
-        if not largest:
+        sent = {key: flow for key, flow in self._sent.items() if key in self._crossing}
+        rates = fitting(sent or self._sent, SHARE * takes)
+        if not rates:
             return "let fewer keys be watched over it"
-        return f"write `link_rate: {{{', '.join(f'{key}: {VIEW_HZ:g}' for key in largest)}}}`"
+        text = ", ".join(f"{key.partition('/')[2]}: {rate:g}" for key, rate in rates.items())
+        words = f"`link_rate: {{{text}}}`"
+        return f"write {words}" if sent else f"write what is watched there of {words}"
 
     def _take(self, _key: str, data: bytes, _encoding: str) -> None:
         try:
             status = unpack(data, NodeStatus)
         except DecodeError:
             return
+        if status.host != self._host:
+            return
         for key, rate in status.rates.items():
-            if status.host == self._host and rate > VIEW_HZ and key not in self._thinned:
-                self._sizes[key.partition("/")[2]] = status.bandwidths[key]
+            share = min(1.0, self._thinned.get(key, rate) / rate) if rate else 0.0
+            self._sent[key] = share * rate, share * status.bandwidths[key]
+
+
+def fitting(sent: Mapping[str, tuple[float, float]], most: float) -> dict[str, float]:
+    """Which keys to thin to how much [Hz], so that all of `sent` ([Hz], [B/s] by key) are `most`
+    [B/s] together; those that cost most come first.
+    """
+    limit = next((rate for rate in RATES if _thinned(sent, rate) <= most), LEAST_HZ)
+    fast = [key for key, (rate, _) in sent.items() if rate > 1.1 * limit]
+    return dict.fromkeys(sorted(fast, key=lambda key: -sent[key][1]), limit)
+
+
+def _thinned(sent: Mapping[str, tuple[float, float]], limit: float) -> float:
+    return sum(size * min(1.0, limit / rate) for rate, size in sent.values() if rate)

@@ -104,6 +104,11 @@ class Pipeline:
             types |= {key: spec.sends[port] for port, key in spec.outputs.items()}
         return types
 
+    def read_elsewhere(self, host: str) -> set[str]:
+        """Keys that nodes of other hosts than this one read."""
+        specs = [spec for spec in self.nodes if spec.host != host]
+        return {edge.key for spec in specs for edge in spec.inputs.values()}
+
     def without_programs(self) -> Pipeline:
         """The same for who starts the nodes and never is one: no `type` and no `params` of any."""
         nodes = [replace(spec, type=Node, params=None) for spec in self.nodes]

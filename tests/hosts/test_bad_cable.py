@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from lodeline.bench.cable import Fault
-from lodeline.bench.link import SETTLE_S, Bench, Row
+from lodeline.bench.link import Bench, Row
 from lodeline.bench.machines import missing
 from lodeline.bench.pair import Pair
 from tests.support.live import lodeline
@@ -19,7 +19,6 @@ pytestmark = pytest.mark.live  # its figures are of times
 RATE = 200.0  # Hz, of the samples listened to
 BACK_S = 2.0
 STALE_S = 0.25
-FOUND_OUT_S = 2.0
 
 
 @pytest.fixture(scope="module")
@@ -89,21 +88,21 @@ def test_five_percent_loss_costs_age_and_few_samples(
 
 
 def test_a_slow_link_drops_samples_and_keeps_young_ones(bench: Bench) -> None:
-    """Once TCP, which believes in the link of a moment ago, has found out what this one takes."""
-    begin = time.monotonic() + SETTLE_S
+    """From the first on, and though it has lost packets: TCP expects little of it then, so that
+    what is to be sent waits in the kernel.
+    """
+    bench.pair.cable.fault = Fault(delay=0.002, loss=0.05)
     row = bench.cable("256 kbit/s", 5.0, Fault(rate=256e3))
     robot_did_not_notice(row, 5.0)
     assert row.laptop.lost > 100
     assert row.laptop.silence < row.during.silence + 0.5
-    settled = bench.laptop.between(begin + FOUND_OUT_S, begin + 5.0)
-    print(f"p99 {row.laptop.p99:.2f} s, of the last 3 s {settled.p99:.2f} s")
+    print(f"p99 {row.laptop.p99:.2f} s")
     # What the robot itself held back is not it.
-    assert settled.p99 <= 0.5 + row.during.silence
-    assert row.laptop.p99 <= 1.2 + row.during.silence
+    assert row.laptop.p99 <= 0.5 + row.during.silence
     shown = lodeline("ps", run=bench.pair.laptop.run).stdout
     for text in (shown, bench.pair.robot.log()):
         assert "LINK_SLOW 10.214.0.2:" in text
-        assert "kB/s and more is sent, samples get old or lost: write `link_rate: {" in text
+        assert "kB/s and more is sent, samples get old or lost: write what is watched" in text
 
 
 def test_a_stopped_laptop_stops_nothing_on_the_robot(bench: Bench) -> None:

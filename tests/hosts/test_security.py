@@ -14,11 +14,26 @@ import pytest
 from lodeline.bus import Client
 from lodeline.hosts import certificates
 from lodeline.hosts.certificates import KeysError
+from lodeline.watch import Watch
 from tests.dash.support import Dash, Reader, with_reader
 from tests.hosts.net import Host, Net
-from tests.support.live import eventually
+from tests.support.live import ROOT, eventually
 
 LIFE_S = 10.0
+
+SENSORS = """
+name: rover
+hosts: {{robot: {{listen: {address}}}, laptop: {{connect: {address}, grant: [cmd_vel, calibrate]}}}}
+tls: {keys}
+external: {{cmd_vel: Twist}}
+nodes:
+  simulator: {{run: {root}/nodes/simulator.py, inputs: {{cmd_vel: cmd_vel}},
+              outputs: {{truth: truth}}, params: {{rate: 50, robot: {{standing: 300}}}}}}
+  imu: {{run: {root}/nodes/imu.py, outputs: {{data_raw: imu/data_raw}},
+        params: {{bus: sim, rate: 100}}}}
+  calibrate: {{run: {root}/nodes/calibrate.py, inputs: {{data_raw: imu/data_raw}},
+              outputs: {{data: imu/data}}}}
+"""
 
 # Speaks for itself: any certificate, any keys.
 STRANGER = """
@@ -134,19 +149,6 @@ def test_strangers_do_not_link_and_hosts_say_only_what_is_theirs(
         client.close()
 
 
-def test_cmd_vel_needs_a_grant(net: Net, keys: Path) -> None:
-    way = f"connect: {net.address}, grant: [cmd_vel]"
-    hosts = f"{{robot: {{listen: {net.address}}}, laptop: {{{way}}}}}"
-    file = net.file(more=f"tls: {keys}", hosts=hosts)
-    with Host(net.robot, file, "robot") as robot:
-        client = Client(robot.folder)
-        forged: set[str] = set()
-        client.subscribe("rover/**", 256, lambda key, data, _: forged.add(key))
-        stranger(net, keys, "laptop", "rover/cmd_vel")
-        assert "rover/cmd_vel" in forged
-        client.close()
-
-
 def test_an_order_is_taken_only_where_the_ordered_host_grants_it(net: Net, keys: Path) -> None:
     way = f"connect: {net.address}, grant: [restart]"
     hosts = f"{{robot: {{listen: {net.address}}}, laptop: {{{way}}}}}"
@@ -166,6 +168,33 @@ def test_an_order_is_taken_only_where_the_ordered_host_grants_it(net: Net, keys:
             result = laptop.call("restart", "source")
             assert (result.returncode, result.stdout) == (0, "source: restarting\n")
             assert eventually(lambda: restarts(robot) == 1, 5.0, 0.1)
+
+
+def test_tools_with_a_grant_drive_the_robot_and_calibrate_its_sensor(
+    net: Net, keys: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "pipeline.yaml"
+    file.write_text(SENSORS.format(root=ROOT, address=net.address, keys=keys))
+    out = tmp_path / "gyro.yaml"
+    command = ("calibrate", "gyro", "--seconds", "2.1", "-o", str(out))
+    with (
+        Host(net.robot, file, "robot") as robot,
+        Host(net.laptop, file, "laptop") as laptop,
+        Watch(robot.running) as watch,
+    ):
+        heard: list[bytes] = []
+        watch.subscribe("rover/cmd_vel", 64, lambda _key, data, _: heard.append(data))
+        assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
+        laptop.call("topic", "pub", "cmd_vel", "v=0", "w=0", "--rate", "50", "-n", "5")
+        assert eventually(lambda: len(heard) == 5, 2.0)
+        done = laptop.call(*command)
+        assert done.returncode == 0, done.stderr
+        assert "calibrate goes by it now, until it is started again" in done.stdout
+        said = laptop.call("topic", "echo", "imu/data", "-n", "20", "--json", "--timeout", "5")
+        rates = [json.loads(line)["angular_velocity"] for line in said.stdout.splitlines()]
+        assert [sum(axis) / 20 for axis in zip(*rates, strict=True)] == pytest.approx(
+            [0.0] * 3, abs=2e-3
+        )
 
 
 def restarts(host: Host) -> int:
