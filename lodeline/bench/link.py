@@ -193,11 +193,20 @@ def main(argv: list[str]) -> int:
 def parser() -> argparse.ArgumentParser:
     """What `lodeline bench link` takes."""
     parser = argparse.ArgumentParser(prog="lodeline bench link", description=__doc__)
-    parser.add_argument("fault", nargs="*", choices=[[], *FAULTS], help="only these faults")
+    known = ", ".join(FAULTS)
+    parser.add_argument(
+        "fault", nargs="*", type=_fault, metavar="FAULT", help=f"only these, of {known}"
+    )
     parser.add_argument("--tls", action="store_true", help="over mutual TLS")
     parser.add_argument("--times", type=int, default=1, help="each so often (default: 1)")
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     return parser
+
+
+def _fault(name: str) -> str:
+    if name not in FAULTS:
+        raise argparse.ArgumentTypeError(f"no fault {name!r}, only {', '.join(FAULTS)}")
+    return name
 
 
 def shown(rows: list[Row]) -> str:

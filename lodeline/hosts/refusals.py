@@ -17,6 +17,8 @@ AGAIN_S = 60.0
 """It is told again after this time."""
 
 _DIALLED = re.compile(r"configured peer \w+/([^!#\s]+)")
+_SCOUTED = re.compile(r"any locator of scouted peer \w+: \[\w+/([^\]#,]+)")
+_IF_OURS = "if it is a host of this file, "
 _ONE_AUTHORITY = "give both hosts ca.pem and keys of one authority"
 _REASONS = {
     "invalid peer certificate: certificate expired": (
@@ -67,6 +69,10 @@ _REASONS = {
 }
 
 
+_OF_OURS = "`lodeline keys add`", "set the clock"
+"""What these mend is of our own authority; anybody may come without tls or with another."""
+
+
 class Refusal(NamedTuple):
     """Who is refused or refuses, why, and what mends it."""
 
@@ -77,11 +83,16 @@ class Refusal(NamedTuple):
 
 def refusal(line: str) -> Refusal | None:
     """What a line of zenoh's own log says of a refused link; None if it is of other things."""
+    if scouted := _SCOUTED.search(line):  # zenoh does not say why
+        remedy = f"{_IF_OURS}compare `tls:` and the keys of both"
+        return Refusal(scouted[1], "it answers multicast, but there is no link with it", remedy)
     dialled = _DIALLED.search(line)
-    who = dialled[1] if dialled else "who connects here"
     for phrase, (why, remedy) in _REASONS.items():
         if phrase in line:
-            return Refusal(who, why, remedy)
+            if dialled:
+                return Refusal(dialled[1], why, remedy)
+            ours = "" if remedy.startswith(_OF_OURS) else _IF_OURS
+            return Refusal("who connects here", why, ours + remedy)
     return None
 
 

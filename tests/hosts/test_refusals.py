@@ -93,7 +93,8 @@ def test_another_authority_is_named_on_both_sides(sides: Path, port: int) -> Non
         f"LINK_REFUSED 127.0.0.1:{port}: its certificate is of another authority than ca.pem here: "
         "give both hosts ca.pem and keys of one authority",
         "LINK_REFUSED who connects here: it knows another authority than the one of our "
-        "certificate: give both hosts ca.pem and keys of one authority",
+        "certificate: if it is a host of this file, give both hosts ca.pem and keys of one "
+        "authority",
     }
 
 
@@ -107,7 +108,10 @@ def test_a_certificate_for_another_address_is_named_on_both_sides(sides: Path, p
 def test_a_side_without_tls_is_named_on_both_sides(sides: Path, port: int) -> None:
     said = sorted(heard(sides, port, (True, False), 2))
     assert f"127.0.0.1:{port}: it hangs up on who speaks without tls" in said[0]
-    assert "who connects here: it speaks without tls: write `tls:` in its pipeline" in said[1]
+    assert (
+        "who connects here: it speaks without tls: if it is a host of this file, write `tls:` in"
+        in said[1]
+    )
 
 
 def test_a_reason_is_told_when_repeated_then_once_a_minute_and_ends_with_its_cause() -> None:
@@ -124,3 +128,15 @@ def test_a_reason_is_told_when_repeated_then_once_a_minute_and_ends_with_its_cau
     now[0] += FRESH_S + 0.1
     assert refusals.current() is None
     assert refusal("orchestrator: Successfully connected to configured peer") is None
+
+
+def test_who_answers_multicast_and_does_not_link_is_named_by_its_address() -> None:
+    line = "Unable to connect to any locator of scouted peer a24a85: [tls/10.213.1.1:7447]"
+    said: list[str] = []
+    refusals = Refusals(said.append, iter((0.0, 1.0)).__next__)
+    refusals.take(line)
+    refusals.take(line)
+    assert said == [
+        "LINK_REFUSED 10.213.1.1:7447: it answers multicast, but there is no link with it: "
+        "if it is a host of this file, compare `tls:` and the keys of both"
+    ]
