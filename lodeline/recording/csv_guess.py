@@ -26,6 +26,10 @@ _UNITS = {
     "linear_acceleration": {"(g)": "g", "[g]": "g", "_g": "g"},
     "magnetic_field": {"ut": "uT", "µt": "uT", "gauss": "gauss", "(g)": "gauss"},
 }
+_POSE = re.compile(
+    r"(?:(?:.*[./])?(?:pos|pose|position|truth|gt)[_ ./]?)?(?P<name>x|y|yaw|theta|psi)"
+    r"(?:[_ (\[]*(?P<unit>mm|cm|m|deg|rad)[)\]]*)?"
+)
 _SIDE = re.compile(r"(.*[_ .])?(?P<side>left|links|right|rechts|l|r)([_ .].*)?")
 
 
@@ -42,6 +46,7 @@ def propose(columns: Sequence[str], first: Sequence[str] = ()) -> str:
     if vectors["magnetic_field"]:
         lines += ["imu/mag_raw:", "  type: MagneticField"]
         lines += [f"  magnetic_field: {vectors['magnetic_field']}"]
+    lines += _pose(columns)
     if len(lines) == 1:
         lines.append("# no known sensor in the names of the columns: say what they are")
     return "\n".join(lines) + "\n"
@@ -84,6 +89,25 @@ def _wheels(columns: Sequence[str]) -> Iterator[str]:
         yield "  type: WheelTicks"
         yield f"  left: {_word(sides['l'])}    # counts since the start; differences: sum(...)"
         yield f"  right: {_word(sides['r'])}"
+
+
+def _pose(columns: Sequence[str]) -> Iterator[str]:
+    """A table that says where the robot was is held against by `lodeline compare`."""
+    terms: dict[str, str] = {}
+    for column in columns:
+        found = _POSE.fullmatch(column.lower())
+        if found:
+            unit = found["unit"] if found["unit"] in ("mm", "cm", "deg") else ""
+            name = found["name"] if found["name"] in "xy" else "yaw"
+            terms.setdefault(name, _word(column, unit))
+    if len(terms) == 3:
+        yield "truth:"
+        yield "  type: Odometry"
+        yield from (f"  {name}: {terms[name]}" for name in ("x", "y", "yaw"))
+        yield from ("  v: 0", "  w: 0")
+        yield "  pose_covariance: [0, 0, 0, 0, 0, 0, 0, 0, 0]"
+        yield "  twist_covariance: [0, 0, 0, 0]"
+        yield "  interval: 0"
 
 
 def _vector(columns: Sequence[str], field: str) -> str:

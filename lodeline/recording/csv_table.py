@@ -52,7 +52,10 @@ class CsvTable:
                 )
             if all(_is_number(cell) for cell in header):
                 if len(self._comment) != len(header):
-                    self.fail(line, "numbers, expected the names of the columns in the first row")
+                    text = "numbers, expected the names of the columns in the first row"
+                    self.fail(
+                        line, f"{text} (files of the lab and the lecture are imported by --format)"
+                    )
                 self._lines = chain([(line, header)], self._lines)
                 header = self._comment  # as numpy.savetxt writes them
             self.columns = tuple(cell.strip() for cell in header)

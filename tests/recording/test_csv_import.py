@@ -15,6 +15,8 @@ from lodeline.recording.csv_map import read_map, samples
 from lodeline.recording.csv_table import CsvTable
 from lodeline.recording.read import Recording
 from lodeline_msgs import MESSAGES, Imu, MagneticField, Message, WheelTicks
+from tests.docs.documents import blocks
+from tests.support.live import ROOT
 
 Tool = Callable[[list[str]], int]
 Capture = pytest.CaptureFixture[str]
@@ -185,6 +187,13 @@ def test_the_proposed_map_imports_a_common_table(
     assert imu == Imu(0, (0.0, 0.0, 1.0), (0.0, 0.0, 9.8))
     assert isinstance(mag, MagneticField)
     assert mag.magnetic_field == pytest.approx((20e-6, 0.0, -40e-6))
+
+
+def test_the_map_of_the_recording_page_is_the_one_that_is_proposed() -> None:
+    (text,) = [b.text for b in blocks("docs/recording.md") if b.order == "file truth.yaml"]
+    with CsvTable(ROOT / "tests" / "data" / "recordings" / "loop_truth.csv") as table:
+        assert propose(table.columns) == text
+    assert '  yaw: "pose.yaw (deg) * deg"\n' in propose(["t", "pos_x", "pos_y", "pose.yaw (deg)"])
 
 
 @pytest.mark.parametrize(
