@@ -176,13 +176,16 @@ def _export(args: argparse.Namespace) -> int:
     with Recording(args.file) as recording:
         types = [(key, info.type) for key, info in recording.channels.items() if info.type]
         with Tables(args.csv, types) as tables:
+            rows = 0
             for key, message, _ in recording.samples():
                 tables.write(key, message)
+                rows += 1
         for key, info in recording.channels.items():
             if not info.type:
                 what = f"the schema of its class {info.type_name or 'without a name'}"
                 text = f"{args.file}: {key} is left out: {what} says nothing that a table holds"
                 print(text, file=sys.stderr)
+    print(f"{args.csv}: {len(types)} tables, {rows} rows")
     return 0
 
 

@@ -57,6 +57,9 @@ def choose(
         lines = [f"{recording.path} has no key that the running pipeline takes from outside"]
         lines.append(f"it has {there}; the pipeline takes {', '.join(external) or 'none'}")
         lines += [f"{key} comes from its node {node} already" for key, node in left_out.items()]
+        lines.append(
+            "it goes into one that has its keys as `external:`, as `lodeline up magnet-lab`"
+        )
         raise RecordingError("\n".join(lines))
     return Choice(types, left_out)
 

@@ -118,8 +118,11 @@ def test_truncated_recording_is_refused_then_recovered_by_the_verb_it_names(
     assert bag(["recover", lab_mcap, "-o", saved, "--force"]) == 0
 
 
-def test_export_makes_a_table_of_each_key(lab_mcap: str, tmp_path: Path, bag: Tool) -> None:
+def test_export_makes_a_table_of_each_key(
+    lab_mcap: str, tmp_path: Path, bag: Tool, capsys: Capture
+) -> None:
     assert bag(["export", lab_mcap, "--csv", str(tmp_path / "tables")]) == 0
+    assert capsys.readouterr().out == f"{tmp_path / 'tables'}: 2 tables, 800 rows\n"
     lines = (tmp_path / "tables" / "wheels.csv").read_text().splitlines()
     assert lines[0] == "stamp,left,right,seq"
     assert len(lines) == 401
