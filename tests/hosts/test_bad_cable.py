@@ -10,14 +10,13 @@ from itertools import pairwise
 import pytest
 
 from lodeline.bench.cable import Fault
-from lodeline.bench.link import Bench, Row
+from lodeline.bench.link import SETTLE_S, Bench, Row
 from lodeline.bench.machines import missing
 from lodeline.bench.pair import Pair
 from tests.support.live import lodeline
 
 pytestmark = pytest.mark.live  # its figures are of times
 
-RATE = 200.0  # Hz, of the samples listened to
 BACK_S = 2.0
 STALE_S = 0.25
 
@@ -40,7 +39,7 @@ def robot_did_not_notice(row: Row, seconds: float) -> None:
     some, so what came is compared with what was sent: by numbers, or by the robot's own listener.
     """
     assert row.during.lost == 0
-    assert row.during.received > 0.5 * RATE * seconds
+    assert row.during.received / seconds > 0.5 * row.before.received / SETTLE_S > 0
     assert row.during.silence < 1.0
     assert row.during.p99 < row.before.p99 + 0.1
 
@@ -107,7 +106,7 @@ def test_a_slow_link_drops_samples_and_keeps_young_ones(bench: Bench) -> None:
     bench.pair.cable.fault = Fault(delay=0.002, loss=0.05)
     row = bench.cable("256 kbit/s", 5.0, Fault(rate=256e3))
     robot_did_not_notice(row, 5.0)
-    assert row.laptop.lost > 100
+    assert row.laptop.lost > 0.1 * row.during.received
     assert row.laptop.silence < row.during.silence + 0.5
     print(f"p99 {row.laptop.p99:.2f} s")
     # What the robot itself held back is not it.
@@ -132,7 +131,7 @@ def test_a_slow_reader_has_young_samples_and_its_neighbour_all(bench: Bench) -> 
     slow, fast = bench.slow_reader(3.0)
     link_carries(bench, begin)
     assert 20 <= slow.received <= 20.0 * (time.monotonic() - begin) + 1.0
-    assert slow.p99 < fast.p99 + 0.1  # two of its periods
+    assert slow.oldest < fast.oldest + 0.1  # two of its periods
     assert fast.lost == 0
 
 
