@@ -6,7 +6,10 @@ import ctypes
 import gc
 from typing import Any
 
-_M_ARENA_MAX = -8
+_M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8
+MAPPED_FROM = 65_536
+"""Bytes from which a piece of memory is mapped for itself: a buffer of zenoh's for a link has so
+many, of which small samples touch a page or two, and it goes back whole."""
 _YOUNG = 10_000
 """New objects that have the collector look for rings among them. What a node keeps for a while
 comes and goes by some thousand; with Python's 700 the collector went through it time and again, and
@@ -21,12 +24,13 @@ def settle() -> None:
     _libc("malloc_trim", 0)
 
 
-def share_one_heap() -> None:
-    """Let threads that are started later take their memory from one heap, not from one for each.
+def be_sparing() -> None:
+    """Do for this process what a node's environment does from its start (see `supervisor`).
 
-    It is what MALLOC_ARENA_MAX=1 in the environment does for a process from its start.
+    Threads that are started later take their memory from one heap, and buffers are mapped.
     """
     _libc("mallopt", _M_ARENA_MAX, 1)
+    _libc("mallopt", _M_MMAP_THRESHOLD, MAPPED_FROM)
 
 
 def _libc(name: str, *arguments: Any) -> None:

@@ -66,9 +66,9 @@ def main(argv: list[str]) -> int:
 
 def _get_ready() -> None:
     """Import what a supervisor needs, while its pipeline is being read."""
-    from lodeline.memory import share_one_heap
+    from lodeline.memory import be_sparing
 
-    share_one_heap()
+    be_sparing()
     # asyncio goes without ssl where it finds none: 3 MB that nothing here has any use for.
     unwanted = {"ssl": None} if "ssl" not in sys.modules else {}
     sys.modules.update(unwanted)  # type: ignore[arg-type]

@@ -6,6 +6,8 @@ import shutil
 import subprocess
 from collections.abc import Mapping
 
+from lodeline.memory import MAPPED_FROM
+
 ALLOWED = {"PATH", "HOME", "LANG", "TZ", "TMPDIR", "XDG_RUNTIME_DIR"}
 ALLOWED |= {"VIRTUAL_ENV", "LD_LIBRARY_PATH", "RUST_LOG"}
 ALLOWED_PREFIXES = ("LC_", "PYTHON", "LODELINE_", "ZENOH_")
@@ -16,9 +18,7 @@ OURS = {
     # Links that come and go with neighbours are made by threads that come and go: with an arena of
     # memory for each, what one gave back is not what the next one takes, and the process grows.
     "MALLOC_ARENA_MAX": "1",
-    # A link's buffers have 64 kB each, of which small samples touch a page or two. Mapped for
-    # themselves they take no more than that, and go back whole: 1 MB less in each process.
-    "MALLOC_MMAP_THRESHOLD_": "65536",
+    "MALLOC_MMAP_THRESHOLD_": str(MAPPED_FROM),  # 1 MB less in each
 }
 
 
