@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
+
+_SCHEDULED = 2
+"""In the number of a process's clock, behind its own: to the nanosecond. clock_getcpuclockid(3)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +40,11 @@ def family(roots: Iterable[int]) -> list[int]:
 
 
 def cpu_seconds(pid: int) -> float:
-    """Time that all living threads of a process have been on a processor."""
-    total = 0
-    with contextlib.suppress(OSError):
-        for task in Path(f"/proc/{pid}/task").iterdir():
-            with contextlib.suppress(OSError):
-                total += int((task / "schedstat").read_text().split()[0])
-    return total * 1e-9
+    """Time that a process was on a processor, in threads that ended too; 0.0 if it is gone."""
+    try:
+        return time.clock_gettime(~pid << 3 | _SCHEDULED)
+    except OSError:
+        return 0.0
 
 
 def memory(pid: int) -> Memory:

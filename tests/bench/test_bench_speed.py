@@ -6,10 +6,14 @@ No figure of time is held against a bound here: the machine that runs tests has 
 from __future__ import annotations
 
 import json
+import os
+import threading
+import time
 from typing import Any
 
 import pytest
 
+from lodeline.bench.family import cpu_seconds
 from lodeline.bench.start import _lost, _recovered
 from lodeline.cli import main
 
@@ -73,6 +77,17 @@ def test_start_loses_nothing_and_times_every_restart(capsys: pytest.CaptureFixtu
     assert len(run["restarts"]) == 3
     assert run["first_pose"] > 0.0
     assert set(run["verbs"]) == {"check", "topic list"}
+
+
+def test_what_a_thread_took_of_the_processor_counts_after_its_end() -> None:
+    me = os.getpid()
+    before, own = cpu_seconds(me), time.process_time()
+    thread = threading.Thread(target=lambda: sum(range(2_000_000)))
+    thread.start()
+    thread.join()
+    took = time.process_time() - own
+    assert took > 1e-3
+    assert took <= cpu_seconds(me) - before < took + 0.01
 
 
 def test_a_number_that_is_missing_at_the_start_is_lost() -> None:
