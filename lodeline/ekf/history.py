@@ -49,7 +49,7 @@ class History(Generic[B]):
     """
 
     CAPACITY = 4096  # samples, against a flood: beyond it the oldest are settled early
-    WAITING = 512  # samples that may wait for a motion
+    WAITING = 2048  # samples that may wait for a motion: gyro and bar for 6 s of no odometry
 
     def __init__(
         self, span_ns: int, start: Mark[B], advance: Advance[B], observe: Observe[B]

@@ -179,6 +179,23 @@ def test_over_a_gap_of_the_encoders_the_gyro_knows_the_turn() -> None:
     assert math.sqrt(of(localizer).covariance[8]) < 0.05
 
 
+def test_over_four_seconds_without_encoders_the_gyro_knows_a_turn_that_changed() -> None:
+    """Gyro at 200 Hz, bar at 100; the robot turns back after three of them."""
+    localizer = Localizer(PARAMS)
+    for i in range(21):
+        localizer.odometry(i * 10 * MS, i * 0.0012, 0.0, 0.0, NOISE, 0.01, 0)
+        localizer.attitude(i * 10 * MS, level(0.0), (0.0, 0.0, 0.0), 0.02, disturbed=False)
+    for i in range(801):
+        turn = 0.4 if i < 600 else -0.4
+        stamp = 200 * MS + (i + 1) * 5 * MS
+        localizer.attitude(stamp, level(0.0), (0.0, 0.0, turn), 0.02, disturbed=False)
+        if i % 2:
+            localizer.magnets(stamp, ())
+    localizer.odometry(4200 * MS, 0.0, 0.0, 0.0, NOISE, 0.0, 1)
+    assert of(localizer).yaw == pytest.approx(0.4 * 3.0 - 0.4 * 1.0, abs=0.03)
+    assert math.sqrt(of(localizer).covariance[8]) < 0.1
+
+
 def test_a_tilted_robot_was_lifted() -> None:
     """15 degrees for longer than 0.3 s: nobody knows where it will be put down."""
     localizer = Localizer(PARAMS)
