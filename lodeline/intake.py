@@ -48,12 +48,14 @@ class Intake:
 class Edge:
     """The way to one inlet; at most `queue` samples wait on it, the oldest go."""
 
-    __slots__ = ("_inlet", "_intake", "_quick", "_waiting")
+    __slots__ = ("_asked", "_inlet", "_intake", "_quick", "_room", "_taken", "_waiting")
 
     def __init__(self, intake: Intake, inlet: Inlet[Any], queue: int) -> None:
         self._intake = intake
         self._inlet = inlet
         self._waiting: deque[tuple[bytes, str]] = deque(maxlen=queue)
+        self._room = queue
+        self._asked = self._taken = 0  # turns: the first counted by the bus, the second by Intake
         self._quick = False
 
     def arrive(self, source: str, data: bytes) -> None:
@@ -74,10 +76,14 @@ class Edge:
             finally:
                 intake.lock.release()
         self._waiting.append((data, source))
-        intake.turns.put(self)
+        # One that pushed an older one out has its turn: there is no end to those of a slow handler.
+        if self._asked - self._taken < self._room:
+            self._asked += 1
+            intake.turns.put(self)
 
     def take_waiting(self) -> None:
         """The oldest that waits, if any still does; with the lock held, so that none overtakes."""
+        self._taken += 1  # before the sample goes: what arrives now asks for a turn of its own
         if self._waiting:
             began = monotonic()
             self._inlet.take(*self._waiting.popleft())

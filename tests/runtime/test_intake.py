@@ -177,3 +177,14 @@ def test_no_sample_overtakes_another_whichever_way_each_goes() -> None:
     assert [number for number, _ in taken] == list(range(first, first + 2000))
     assert line.inlet.lost == 0
     assert line.intake.alive()
+
+
+def test_a_handler_that_is_too_slow_for_good_has_as_many_turns_as_samples_that_wait() -> None:
+    line = Line(queue=4)
+    with line.elsewhere():
+        for _ in range(1000):
+            line.send()
+        assert line.intake.turns.qsize() <= 4
+    assert [line.next()[0] for _ in range(4)] == [996, 997, 998, 999]
+    line.send()  # and the next has its turn again
+    assert line.next()[0] == 1000
