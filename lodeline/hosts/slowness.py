@@ -15,6 +15,8 @@ from lodeline_msgs import DecodeError, NodeStatus, unpack
 
 LOOKS = 15
 """Slow is a link for which something was held back at so many looks in a row, which are 3 s."""
+LONGEST_PAUSE_S = 1.0
+"""Looks further apart are not in a row."""
 AGAIN_S = 60.0
 FRESH_S = 5.0
 RATES = (100.0, 50.0, 20.0, 10.0, 5.0, 2.0)
@@ -57,7 +59,11 @@ class Slowness:
 
     def look(self, who: str, now: float, held_back: bool, confirmed: int) -> None:
         """Whether at `now` [s] something waited that could not go, and bytes confirmed in all."""
+        if who not in self._looks:
+            self._forget(now)
         looks = self._looks.setdefault(who, deque(maxlen=LOOKS))
+        if looks and (confirmed < looks[-1][2] or now - looks[-1][0] > LONGEST_PAUSE_S):
+            looks.clear()  # another connection
         looks.append((now, held_back, confirmed))
         if len(looks) < LOOKS or not all(held for _, held, _ in looks):
             return
@@ -74,6 +80,12 @@ class Slowness:
         self._last = now, slow
         if again:
             self._event(str(slow))
+
+    def _forget(self, now: float) -> None:
+        """Links that are no more: who comes back has another port."""
+        for who in [who for who, looks in self._looks.items() if now - looks[-1][0] > AGAIN_S]:
+            del self._looks[who]
+            self._told.pop(who, None)
 
     def current(self, now: float) -> Slow | None:
         """The link that is slow now [s]."""

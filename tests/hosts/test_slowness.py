@@ -46,6 +46,27 @@ def test_a_link_that_has_room_now_and_then_or_is_cut_is_not_slow() -> None:
     assert slowness.current(20.0) is None
 
 
+def test_looks_of_a_connection_that_was_cut_do_not_count_for_the_next() -> None:
+    said: list[str] = []
+    slowness = Slowness(said.append, lambda _: "")
+    for place in range(LOOKS + 5):
+        slowness.look("10.0.0.2:1", place * LOOK_S, True, 1_000_000)  # cut: takes nothing
+    back = (LOOKS + 5) * LOOK_S
+    for place in range(LOOKS - 1):
+        slowness.look("10.0.0.2:1", back + place * LOOK_S, True, 1000 * place)
+    later = back + 3600.0
+    for place in range(LOOKS - 1):
+        slowness.look("10.0.0.2:1", later + place * LOOK_S, True, 2_000_000 + 1000 * place)
+    assert said == []
+
+
+def test_links_that_are_no_more_are_forgotten() -> None:
+    slowness = Slowness(lambda _: None, lambda _: "")
+    for port in range(1000):
+        slowness.look(f"10.0.0.2:{port}", port * 10.0, False, 0)
+    assert len(slowness._looks) <= AGAIN_S / 10.0 + 2
+
+
 def advice(thinned: dict[str, float], *crossing: str, told: bool = True) -> Advice:
     """For a robot that sends 40 kB/s of IMU, 20 of odometry, and more."""
     rates = {"rover/imu": 200.0, "rover/odom": 100.0, "rover/pose": 10.0, "rover/wheels": 100.0}
