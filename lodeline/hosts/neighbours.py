@@ -155,9 +155,11 @@ class Neighbours:
         sent = self._clock.now()
         answers = self._bus.ask(self._clock_key(neighbour.share), ASK_S)
         received, now = self._clock.now(), time.monotonic_ns()
-        if not answers:
-            return False
-        found = measured(sent, int(json.loads(answers[0][1])), received, now)
+        try:
+            there = int(json.loads(answers[0][1]))
+        except (IndexError, ValueError, TypeError, OverflowError):
+            return False  # none, or one that is no time
+        found = measured(sent, there, received, now)
         neighbour.offset = better(neighbour.offset, found, now)
         return True
 
