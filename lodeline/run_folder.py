@@ -7,6 +7,7 @@ the kernel frees the lock when it dies, in whatever way.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import hashlib
 import json
@@ -176,9 +177,10 @@ class RunFolder:
         if every:
             shutil.rmtree(self.path, ignore_errors=True)
             return
-        for entry in self.path.iterdir():
-            if not entry.is_dir():
-                entry.unlink(missing_ok=True)
+        with contextlib.suppress(FileNotFoundError):  # somebody tidied up
+            for entry in self.path.iterdir():
+                if not entry.is_dir():
+                    entry.unlink(missing_ok=True)
 
     def _unlock(self) -> None:
         for lock in self._locks:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -214,3 +215,10 @@ def test_the_base_is_the_users_own_runtime_folder(monkeypatch: pytest.MonkeyPatc
     assert base_folder() == Path("/run/user/7/lodeline")
     monkeypatch.delenv("XDG_RUNTIME_DIR")
     assert base_folder() == Path(f"/tmp/lodeline-{os.geteuid()}")
+
+
+def test_a_folder_that_somebody_removed_meanwhile_is_closed_all_the_same(base: Path) -> None:
+    with RunFolder("scuttle", ["robot"]) as run:
+        shutil.rmtree(run.path)
+    with RunFolder("scuttle", ["robot"]) as again:  # the lock was let go
+        assert again.path.is_dir()
