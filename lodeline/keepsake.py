@@ -29,6 +29,7 @@ class Keepsake:
         self._file = folder / f"{node.context.name}.msgpack"
         self._part = self._file.with_suffix(".part")
         self._stored = b""
+        self._unkept = False
 
     def look(self, marks: Mapping[str, int]) -> bytes:
         """The node's state as it is now, while no handler runs; empty if there is none."""
@@ -36,11 +37,22 @@ class Keepsake:
         return b"" if state is None else msgpack.packb([state, dict(marks)], default=_parts)
 
     def store(self, data: bytes) -> None:
-        """Write what `look` saw if it is something new; a slow disk may take its time."""
-        if data and data != self._stored:
-            self._stored = data
+        """Write what `look` saw if it is something new; a slow disk may take its time.
+
+        A full one is told once, and costs the node no more than its last state.
+        """
+        if not data or data == self._stored:
+            return
+        try:
             self._part.write_bytes(zlib.crc32(data).to_bytes(4, "little") + data)
             self._part.replace(self._file)
+        except OSError as error:
+            if not self._unkept:
+                name = self._node.context.name
+                print(f"STATE_NOT_KEPT {name}: {error}", file=sys.stderr, flush=True)
+            self._unkept = True
+        else:
+            self._stored, self._unkept = data, False
 
     def restore(self) -> dict[str, int] | None:
         """Hand the state on file to the node; its marks, or None if there was none to take."""
@@ -50,7 +62,7 @@ class Keepsake:
         try:
             values, marks = _checked(self._file.read_bytes())
             self._node.resume(rebuilt(values, kind))
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except Exception as error:  # `resume` is the user's: raised here, no start would succeed
             text = f"STATE_LOST {self._node.context.name}: {error}; starting afresh"
             print(text, file=sys.stderr, flush=True)
             return None
