@@ -85,11 +85,11 @@ def gyro_zero(
 
     points = checked(rates, 2, "gyro")
     duration = len(points) / rate_hz
-    _check_wheels(counts, duration)
     if duration < SHORTEST_REST:
         raise CalibrationRefusedError(
             f"{duration:.1f} s of rest are too short, {SHORTEST_REST:.0f} are needed"
         )
+    _check_wheels(counts, duration)
     if not points.std(axis=0).any():
         raise CalibrationRefusedError("the gyro reads the same number for ever: is it connected?")
     means = _windows(points, rate_hz)

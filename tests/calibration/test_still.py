@@ -90,6 +90,11 @@ def test_a_robot_that_drives_on_evenly_is_told_by_its_wheels() -> None:
             gyro_zero(rates, RATE, level, rolling)
 
 
+def test_a_rest_shorter_than_half_a_second_is_too_short_with_wheels_too() -> None:
+    with pytest.raises(CalibrationRefusedError, match=r"0\.3 s of rest are too short"):
+        gyro_zero(at_rest(0.3), RATE, counts=[(5, 5)] * 15)
+
+
 @pytest.mark.parametrize("shape", [[2.0] * 60 + [0.0] * 440, [0.8, -0.8] * 250])
 def test_a_push_or_the_shaking_of_a_drive_is_told_by_the_accelerometer(shape: list[float]) -> None:
     forces = [(push, 0.0, GRAVITY) for push in shape]
