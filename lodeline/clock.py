@@ -40,12 +40,13 @@ class RecordingClock:
     """Time as far as the samples have told it: the newest stamp seen.
 
     A leap of more than a second is taken back when a sample comes from before it: then it was one
-    wrong stamp, and no hole in the recording.
+    wrong stamp, and no hole in the recording. After another second it stands.
     """
 
     def __init__(self) -> None:
         self._newest = 0
         self._before_leap: int | None = None
+        self._leapt_to = 0
 
     def now(self) -> int:
         return self._newest
@@ -53,10 +54,15 @@ class RecordingClock:
     def saw(self, stamp: int) -> None:
         if stamp > self._newest + STEP_NS:
             self._before_leap, self._newest = self._newest, stamp
-        elif self._before_leap is not None and abs(stamp - self._before_leap) < STEP_NS:
+            self._leapt_to = stamp
+        elif self._before_leap is None:
+            self._newest = max(self._newest, stamp)
+        elif abs(stamp - self._before_leap) < STEP_NS:
             self._before_leap, self._newest = None, stamp
         else:
             self._newest = max(self._newest, stamp)
+            if self._newest > self._leapt_to + STEP_NS:
+                self._before_leap = None
 
 
 class StepWatch:

@@ -131,6 +131,17 @@ def test_one_stamp_far_ahead_does_not_carry_the_clock_of_a_recording_away() -> N
     assert clock.now() == int(10.4 * SECOND) + hole
 
 
+def test_a_sample_from_before_a_hole_that_is_long_past_is_late() -> None:
+    clock = RecordingClock()
+    inlet = Inlet("a", WheelTicks, 0.25, clock, lambda _: None, lambda _: None)
+    straggler = Inlet("b", WheelTicks, 0.25, clock, lambda _: None, lambda _: None)
+    for tenth in [*range(100, 110), *range(600, 700)]:  # 10 s on, and 60 s on after the hole
+        inlet.take(pack(WheelTicks(tenth * SECOND // 10, 0, 0, seq=tenth)))
+    straggler.take(pack(WheelTicks(108 * SECOND // 10, 0, 0)))
+    assert (straggler.received, straggler.late) == (0, 1)
+    assert clock.now() == 699 * SECOND // 10
+
+
 def test_what_cannot_be_decoded_is_counted_and_named() -> None:
     bench = Bench()
     bench.inlet.take(b"\xc1")
