@@ -53,7 +53,8 @@ class Room:
         left = _free(self._folder)
         self.gone |= left < self._reserve
         elapsed = time.monotonic() - self._begun
-        lasts = left * elapsed / written if written and elapsed > LOOK_S else float("inf")
+        ours = max(0, left - self._reserve)
+        lasts = ours * elapsed / written if written and elapsed > LOOK_S else float("inf")
         self.news = ""
         if not self._told and (left < LITTLE or lasts < SOON_S):
             self._told = True

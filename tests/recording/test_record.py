@@ -201,6 +201,17 @@ def test_on_a_disk_with_no_more_than_its_reserve_no_recording_begins(
     assert "200 MB" in Room(small_disk(4_000_000_000)).spared, "of a disk that is not small"
 
 
+def test_how_long_the_disk_lasts_is_until_its_reserve_is_reached(
+    small_disk: Callable[[int], Path],
+) -> None:
+    folder = small_disk(40_000_000)
+    take_room(folder, 30_000_000)
+    room = Room(folder)
+    room._begun -= 60.0
+    room.look(written=3_000_000)  # 10 MB are left, 4 of them to others: 6 at 3 MB a minute
+    assert room.news.endswith("enough for 2.0 min")
+
+
 # -- beside a running pipeline -----------------------------------------------------------------
 
 
