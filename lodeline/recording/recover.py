@@ -104,6 +104,8 @@ class _Copy:
                     self._put(part, found)
             elif record is not None:
                 self._put(record, found)
+        except OSError:
+            raise  # of the disk that is written to
         except Exception as error:  # the library raises a dozen kinds over damaged bytes
             found.damaged.append(f"{type(error).__name__}: {error}")
 
