@@ -18,10 +18,6 @@ if TYPE_CHECKING:  # every node imports the bus, and the bus this
 PORT = 7447
 SEND_BUFFER = 8192
 """Bytes. A larger buffer holds seconds of old samples when the link is slow."""
-RECEIVE_BUFFER = 8192
-"""Bytes. Beyond its send buffer TCP takes on what fills up its last packet, and lets that grow to
-64 kB or half of what the other end may ever be sent: so this is small, too.
-"""
 
 
 class LinkError(RuntimeError):
@@ -116,7 +112,7 @@ def endpoint(address: str, protocol: str = "tcp") -> str:
     else:
         place = address
     host, port = split(place)
-    return f"{protocol}/{host}:{port}#so_sndbuf={SEND_BUFFER};so_rcvbuf={RECEIVE_BUFFER}"
+    return f"{protocol}/{host}:{port}#so_sndbuf={SEND_BUFFER}"
 
 
 def split(place: str) -> tuple[str, int]:
