@@ -57,6 +57,7 @@ class Publisher:
         self.watched = False
         self.on_watched: Callable[[], None] = _nothing
         self._session = session
+        self._large = False
         self._publisher = session.declare_publisher(
             key,
             encoding=zenoh.Encoding(encoding),
@@ -74,7 +75,8 @@ class Publisher:
 
     def put(self, data: bytes) -> None:
         """Send; never blocks, drops where a listener cannot follow."""
-        if len(data) < LARGE:
+        self._large |= len(data) >= LARGE
+        if not self._large:  # from the first large one on all: none overtakes another of its key
             self._publisher.put(data, source_info=self._source)
             return
         self._session.put(
