@@ -174,10 +174,10 @@ def test_the_history_stays_short() -> None:
     localizer = Localizer(LocalizerParams())
     for i in range(20_000):  # a flood: 10 kHz
         feed(localizer, ("odometry", i * 100_000, (i * 1e-6, 0.0, 0.0, 0)))
-    for i in range(1_000):
+    for i in range(3_000):
         localizer.magnets((20_000 + i) * 100_000, (0.0,))
-    assert len(localizer._history._nodes) <= 4096 + 512 + 1
-    assert localizer.refused == 1_000 - 512
+    assert len(localizer._history._nodes) <= 4096 + 2048 + 1
+    assert localizer.refused == 3_000 - 2048
 
 
 def test_readings_without_any_wheels_fill_no_memory_and_spoil_no_start() -> None:
