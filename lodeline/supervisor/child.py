@@ -256,7 +256,12 @@ class Child:
         if delay is not None and code == EX_DEVICE:
             delay = max(delay, DEVICE_WAIT_S)
         if delay is None:
-            why = "not started again" if permanent else f"given up after start {self.restarts + 1}"
+            if permanent:  # what it was launched with is read when the pipeline is started
+                why = "not started again: mend it, stop the pipeline and start it again"
+            else:
+                why = (
+                    f"given up after start {self.restarts + 1}: mend it, `lodeline restart {name}`"
+                )
             self._event(f"NODE_FAILED {name}: {self.last_exit}, {why}", self._tail)
             self._become("failed")
             return None
@@ -288,7 +293,7 @@ class Child:
         limit, name = self.plan.memory, self.plan.name
         if limit is None or (rss := resident(self.pid or 0)) <= NEAR * limit:
             return
-        has = f"{name}: {rss / 1e6:.0f} MB of {limit / 1e6:.0f} allowed"
+        has = f"{name}: {rss / 1e6:.0f} MB of {limit / 1e6:.0f} allowed by rss_mb"
         if rss > limit:
             self._event(f"RSS {has}: killed")
             self.kill()

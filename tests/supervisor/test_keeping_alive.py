@@ -46,9 +46,12 @@ def test_a_killed_node_is_back_within_a_second_and_its_neighbours_stay(supervise
 
 def test_a_node_that_spins_is_aborted_with_a_stack_and_comes_back(supervise: Start) -> None:
     up = supervise(("ekf", "spin"), ("sink", "good"), watchdog=1.0)
+    up.wait("ekf", "start")
+    began = time.monotonic()
     up.wait("lodeline", "NODE_SILENT ekf for 1 s")
     up.wait("lodeline", r"NODE_EXIT ekf: SIGABRT, restart 1")
     up.wait("ekf", "start", 2)  # by then all is said about its predecessor
+    assert time.monotonic() - began < 2.5 * patience()
     assert up.said("ekf", r".*in spin_without_a_beat")
     assert up.said("lodeline", r"  ekf said: .*in spin_without_a_beat")
     assert up.starts("sink") == 1
@@ -72,14 +75,20 @@ def test_a_beat_counts_only_from_the_process_itself(supervise: Start) -> None:
 
 def test_a_node_that_never_gets_ready_is_treated_as_crashed(supervise: Start) -> None:
     up = supervise(("imu", "never-ready"), ready=0.5)
+    up.wait("imu", "start")
+    began = time.monotonic()
     up.wait("lodeline", "NOT_READY imu after 0.5 s")
     assert up.wait("lodeline", r"NODE_EXIT imu: (\w+), restart (\d)").groups() == ("SIGABRT", "1")
+    assert time.monotonic() - began < 1.0 * patience()
     assert up.pid("imu", 2) != up.pid("imu", 1)
 
 
 def test_a_crash_loop_ends_after_six_starts_while_the_others_go_on(supervise: Start) -> None:
     up = supervise(("bad", "crash"), ("sink", "good"), backoff={"first": 0.01})
-    up.wait("lodeline", "NODE_FAILED bad: exit 1, given up after start 6")
+    up.wait(
+        "lodeline",
+        "NODE_FAILED bad: exit 1, given up after start 6: mend it, `lodeline restart bad`",
+    )
     assert up.wait("lodeline", "  bad said: RuntimeError: broken on purpose")
     up.wait("lodeline", "released")
     assert up.starts("bad") == 6
@@ -104,7 +113,7 @@ def test_a_node_that_is_never_restarted_fails_at_once(supervise: Start) -> None:
 @pytest.mark.parametrize("code", [64, 78])
 def test_bad_configuration_is_not_tried_again(supervise: Start, code: int) -> None:
     up = supervise(("bad", f"exit-{code}", {"restart": "always"}), ("sink", "good"))
-    up.wait("lodeline", f"NODE_FAILED bad: exit {code}, not started again")
+    up.wait("lodeline", f"NODE_FAILED bad: exit {code}, not started again: mend it, stop")
     up.wait("lodeline", "released")
     assert up.starts("bad") == 1
 
