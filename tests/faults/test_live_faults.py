@@ -130,6 +130,11 @@ def test_a_handler_that_never_returns_is_aborted_with_its_stack(rig: Rig, node: 
     """`stuck` holds the interpreter, `waits` waits for a lock that it holds itself."""
     assert eventually(lambda: rig.up.says(f"NODE_SILENT {node} for 2 s: aborted"), 20.0)
     assert eventually(lambda: rig.up.says(f"NODE_EXIT {node}: SIGABRT, restart 1"))
+    silent, ended = (
+        next(line for line in rig.up.log if words in line)
+        for words in (f"NODE_SILENT {node}", f"NODE_EXIT {node}")
+    )
+    assert clock(ended) - clock(silent) < 1.0 * patience()
     stack = re.compile(rf" {node} +\| .* in on_wheels")
     assert eventually(lambda: any(map(stack.search, list(rig.up.log))))
     assert eventually(lambda: rig.status(node).restarts == 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import socket
@@ -97,7 +98,10 @@ def test_a_closed_terminal_stops_all(file: Path) -> None:
         heard += os.read(terminal, 4096)
     ps = lodeline("ps", "--json", run=up.run / "other").stdout
     assert '"process": "source"' in ps
+    pids = [int(text) for text in re.findall(r'"pid": (\d+)', ps)]
+    assert pids and all(map(alive, pids))
     os.close(terminal)
     assert eventually(lambda: os.waitpid(pid, os.WNOHANG)[0] == pid or not alive(pid), 5.0)
     assert lodeline("ps", run=up.run / "other").returncode == 4
+    assert not any(map(alive, pids))
     shutil.rmtree(up.run, ignore_errors=True)
