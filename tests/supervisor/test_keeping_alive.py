@@ -178,8 +178,8 @@ def test_a_leaking_process_is_warned_of_then_killed_before_it_takes_a_fifth_more
     supervise: Start,
 ) -> None:
     up = supervise(("plot", "leak", {"memory": 60_000_000}), ("sink", "good"))
-    up.wait("lodeline", r"RSS_HIGH plot: (4[89]|5\d) MB of 60 allowed")
-    killed = up.wait("lodeline", r"RSS plot: (\d+) MB of 60 allowed: killed")
+    up.wait("lodeline", r"RSS_HIGH plot: (4[89]|5\d) MB of 60 allowed by rss_mb")
+    killed = up.wait("lodeline", r"RSS plot: (\d+) MB of 60 allowed by rss_mb: killed")
     assert 60 <= int(killed[1]) < 72
     up.wait("lodeline", "NODE_EXIT plot: SIGKILL, restart 1")
     up.wait("plot", "order go", 2)
