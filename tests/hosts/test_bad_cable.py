@@ -92,16 +92,11 @@ def test_after_a_cut_fresh_samples_come_for_good_and_no_old_ones(bench: Bench) -
 def test_five_percent_loss_costs_age_and_few_samples(
     bench: Bench, fault: Fault, share: float
 ) -> None:
-    def young() -> bool:
-        row = bench.cable("5 % loss", 3.0, fault)
-        robot_did_not_notice(row, 3.0)
-        assert row.laptop.received > share * (row.laptop.received + row.laptop.lost)
-        assert row.laptop.p99 <= 1.0
-        print(f"p99 {row.laptop.p99:.2f} s, silent for {row.laptop.silence:.2f} s")
-        return row.laptop.p99 <= 0.5 and row.laptop.silence < row.during.silence + 0.5
-
-    # One packet in 400 is lost twice, and TCP then waits for 0.2 and 0.4 s: not twice in a row.
-    assert young() or young()
+    row = bench.cable("5 % loss", 3.0, fault)
+    robot_did_not_notice(row, 3.0)
+    assert row.laptop.received > share * (row.laptop.received + row.laptop.lost)
+    assert row.laptop.silence < row.during.silence + 0.5
+    assert row.laptop.p99 <= 0.5
 
 
 def test_a_slow_link_drops_samples_and_keeps_young_ones(bench: Bench) -> None:
