@@ -26,7 +26,7 @@ from lodeline.intake import Edge, Intake
 from lodeline.keepsake import Keepsake
 from lodeline.launch import VARIABLE, Launch, NodeLaunch
 from lodeline.loading import load_node
-from lodeline.memory import settle
+from lodeline.memory import IdleCode, settle
 from lodeline.missed import Missed
 from lodeline.node import Context, Driver, Node
 from lodeline.notify import Notifier
@@ -183,6 +183,7 @@ class NodeProcess:
         linked, started = False, time.monotonic()
         expected = None
         next_status = _first_status(started)
+        idle_code: IdleCode | None = None
         while not (orders.stop or self.failed.is_set()):
             # While wires are being laid, look often: the whole pipeline waits for the last one.
             laying = (not linked and time.monotonic() - started < LAYING_S) or bool(self.missed)
@@ -198,6 +199,7 @@ class NodeProcess:
             if orders.go:
                 orders.go = False
                 expected = time.monotonic()
+                idle_code = IdleCode(expected)
                 for ticker in self.tickers:
                     ticker.start()
             if self._beats():
@@ -207,6 +209,8 @@ class NodeProcess:
                 self._report(notifier)
                 if expected is not None:
                     self._mind_silence(expected)
+                if idle_code is not None:
+                    idle_code.look(time.monotonic())
             else:
                 self.status.pack_many()
         notifier.send("STOPPING=1")

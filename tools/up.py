@@ -69,16 +69,17 @@ def _get_ready() -> None:
     from lodeline.memory import be_sparing
 
     be_sparing()
-    # asyncio goes without ssl where it finds none: 3 MB that nothing here has any use for.
-    unwanted = {"ssl": None} if "ssl" not in sys.modules else {}
+    # asyncio goes without ssl where it finds none, and hashlib has hashes of its own: 3 MB and more
+    # of OpenSSL that nothing here has any use for.
+    unwanted = {name: None for name in ("ssl", "_hashlib") if name not in sys.modules}
     sys.modules.update(unwanted)  # type: ignore[arg-type]
-    import lodeline.supervisor.supervisor
+    import lodeline.bus
+    import lodeline.hosts.neighbours
+    import lodeline.supervisor.log_files
+    import lodeline.supervisor.supervisor  # noqa: F401
 
     for name in unwanted:
         del sys.modules[name]
-    import lodeline.bus
-    import lodeline.hosts.neighbours
-    import lodeline.supervisor.log_files  # noqa: F401
 
 
 def parser() -> argparse.ArgumentParser:
@@ -120,7 +121,7 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
     from lodeline.hosts.refusals import Refusals
     from lodeline.hosts.share import share_of
     from lodeline.hosts.slowness import Advice, Slowness
-    from lodeline.memory import settle
+    from lodeline.memory import IdleCode, settle
     from lodeline.notify import Notifier
     from lodeline.run_folder import RunFolder, log_folder, marker_of
     from lodeline.supervisor.log_files import LogFiles
@@ -179,9 +180,11 @@ def _up(pipeline: Pipeline, host: str | None, seconds: float | None, began: floa
             service = Notifier()  # whoever started us, if it is systemd
 
             wall = StepWatch(own)
+            idle_code = IdleCode(time.monotonic())  # the pipeline is up before that time is over
 
             def on_beat() -> None:
                 service.send("WATCHDOG=1")
+                idle_code.look(time.monotonic())
                 if step := wall.look():
                     console.event(f"CLOCK_STEP {step:+.0f} s: stamps keep to the time of the start")
 

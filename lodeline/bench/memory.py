@@ -2,7 +2,7 @@
 
 Nobody else listens: what is sent for a tool is kept for 20 s besides, in case it is cut off.
 RSS counts pages that processes share in each of them, PSS in parts, so that sums are true.
-Supervisor and guard are counted besides.
+Supervisor and guard are counted besides. What only the start needed is let go after 10 s.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
     """What `lodeline bench memory` takes."""
     parser = argparse.ArgumentParser(prog="lodeline bench memory", description=__doc__)
     parser.add_argument(
-        "--seconds", type=positive, default=10.0, help="how long each runs before (default: 10)"
+        "--seconds", type=positive, default=15.0, help="how long each runs before (default: 15)"
     )
     parser.add_argument("--json", action="store_true", help="JSON on standard output")
     return parser
