@@ -10,7 +10,6 @@ import hashlib
 import json
 import os
 import platform
-import secrets
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -70,7 +69,7 @@ def share_of(pipeline: Pipeline, hosts: Sequence[str], word: str, listen: str = 
     return Share(
         name=pipeline.name,
         host=word,
-        run=secrets.token_hex(6),
+        run=os.urandom(6).hex(),
         machine=platform.node(),
         pid=os.getpid(),
         started=time.time(),
