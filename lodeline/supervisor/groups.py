@@ -9,9 +9,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 from lodeline.supervisor import guard
 
+GUARD = Path(__file__).with_name("guard.sh")
 RETRY_S = 1.0
 GOODBYE_S = 0.5
 
@@ -40,9 +42,9 @@ class Groups:
         """Start a guard and tell it all groups."""
         if self._closed:
             return
-        command = [sys.executable, "-I", "-S", guard.__file__, *self._marks]
+        sweep = [sys.executable, "-I", "-S", guard.__file__, *self._marks]
         self._guard = subprocess.Popen(
-            command,
+            ["/bin/sh", GUARD, *sweep],
             bufsize=0,
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,

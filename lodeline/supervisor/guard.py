@@ -1,38 +1,16 @@
-"""The guard: a process that outlives the supervisor by some milliseconds, and kills what is left.
+"""The last sweep of the guard: kills every process whose environment carries one of some marks.
 
-It reads process groups from standard input (`+412` to watch one, `-412` to forget it) and at the
-end of that file, which is the supervisor's death or its goodbye, kills them all, and then every
-process whose environment carries one of the marks given as arguments.
-It is told each group after the fact, so children carry a parent-death signal besides. It is run
-by path and imports next to nothing: it costs each pipeline a process.
+The marks are its arguments. It is run by path, by `guard.sh` when the supervisor is gone, and
+imports next to nothing.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import sys
 
 MAX_SWEEPS = 20
-
-
-def main() -> None:
-    """Serve one supervisor."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
-    groups: set[int] = set()
-    for line in sys.stdin:
-        group = int(line[1:])
-        if line[0] == "+":
-            groups.add(group)
-        else:
-            groups.discard(group)
-    for group in groups:
-        with contextlib.suppress(OSError):
-            os.killpg(group, signal.SIGKILL)
-    for mark in sys.argv[1:]:
-        kill_marked(mark)
 
 
 def kill_marked(mark: str) -> list[int]:
@@ -75,4 +53,5 @@ def _kill_if(pid: int, mark: bytes) -> bool:
 
 
 if __name__ == "__main__":
-    main()
+    for mark in sys.argv[1:]:
+        kill_marked(mark)
