@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import select
 import subprocess
 import sys
 import threading
@@ -16,6 +17,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from lodeline.bus import Client
 from lodeline_msgs import DecodeError, class_of, unpack
 from tests.support.live import ROOT, Up, environment
+
+START_S = 30.0
 
 
 class Dash:
@@ -32,6 +35,8 @@ class Dash:
             text=True,
         )
         assert self.process.stdout is not None
+        # a line that does not come fails this test, and does not hold up all others
+        assert select.select([self.process.stdout], [], [], START_S)[0], "it prints no address"
         self.url = self.process.stdout.readline().strip()
         assert self.url.startswith("http://127.0.0.1:"), self.url
         self.port = urlsplit(self.url).port or 0
