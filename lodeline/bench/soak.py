@@ -2,11 +2,11 @@
 
 One half of the nodes is killed in the first half of the time, the other in the second, so that
 each also lives long beside neighbours that die. Of every node: kills, how soon its samples were
-back, and how its memory grew within each life of a minute and a half or more, after its first
-minute. Of the pose: its distance from the truth, more than three seconds away from any kill;
-where it calls itself ambiguous it may be wrong, and it has to have a reason to: a gap that nobody
-measured and that odometry announced. After one it stays ambiguous, for magnets lie the same in
-every cell. Exit codes: 0 every bound was held, 1 one was not, 2 usage.
+back, and how its memory grew within each life of three minutes or more, after its first two. Of
+the pose: its distance from the truth, more than three seconds away from any kill; where it calls
+itself ambiguous it may be wrong, and it has to have a reason to: a gap that nobody measured and
+that odometry announced. After one it stays ambiguous, for magnets lie the same in every cell.
+Exit codes: 0 every bound was held, 1 one was not, 2 usage.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from lodeline.bench.rig import Rig, position_errors
 from lodeline.tables import table
 
 FIRST_KILL_S = 10.0
-WARM_UP_S = 60.0
-"""Memory for a neighbour's links is taken anew for the first dozen that come, and reused then."""
-SHORTEST_LIFE_S = 90.0
+WARM_UP_S = 120.0
+"""Memory for a neighbour's links is taken anew for the first twenty that come, and reused then."""
+SHORTEST_LIFE_S = 180.0
 AFTERMATH_S = 3.0
 PATIENCE_S = 15.0
 MOST_KILLS, WINDOW_S = 4, 60.0

@@ -11,10 +11,10 @@ from lodeline_msgs import Odometry, PoseEstimate
 NOTHING = (0.0,) * 9
 
 
-def grown(per_minute: float, seconds: int = 180, start: float = 0.0) -> list[tuple[float, int]]:
-    """Memory that jumps in the first minute of a process, and grows evenly after it."""
+def grown(per_minute: float, seconds: int = 300, start: float = 0.0) -> list[tuple[float, int]]:
+    """Memory that jumps in the first two minutes of a process, and grows evenly after them."""
     return [
-        (start + t, round(33e6 * (1.0 + per_minute * (t - 60) / 60.0)) if t >= 60 else 30_000_000)
+        (start + t, round(33e6 * (1.0 + per_minute * (t - 120) / 60.0)) if t >= 120 else 30_000_000)
         for t in range(seconds)
     ]
 
@@ -23,7 +23,7 @@ def test_growth_within_lives_is_a_leak_and_a_fresh_process_is_none() -> None:
     assert slope(Record(memory={1: grown(0.05)})) == pytest.approx(0.05, rel=0.01)
     steady = Record(memory={1: grown(0.0), 2: grown(0.0, start=300.0)})
     assert slope(steady) == pytest.approx(0.0, abs=1e-6)
-    assert slope(Record(memory={1: grown(0.5, seconds=80)})) is None
+    assert slope(Record(memory={1: grown(0.5, seconds=170)})) is None
 
 
 def pose(stamp: int, x: float, y: float = 0.0) -> tuple[float, PoseEstimate]:
