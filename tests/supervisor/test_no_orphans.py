@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 from pathlib import Path
 
 import pytest
 
+from lodeline.supervisor.groups import GUARD
 from tests.supervisor.talk import Start, Talk, alive, patience, until
 
 LIMIT_S = 0.5
@@ -80,3 +82,25 @@ def test_a_helper_in_a_session_of_its_own_is_gone_after_a_normal_stop(supervise:
     up.signal(signal.SIGTERM)
     assert up.end() == 0
     until(lambda: not any(alive(pid) for pid in pids), LIMIT_S)
+
+
+def test_the_guard_kills_the_groups_it_knows_and_then_becomes_the_sweep() -> None:
+    sleep = ["sleep", "60"]
+    known, forgotten, other = (subprocess.Popen(sleep, start_new_session=True) for _ in range(3))
+    try:
+        lines = f"+{known.pid}\n+{forgotten.pid}\n-{forgotten.pid}\n-{other.pid}\n"
+        done = subprocess.run(
+            ["/bin/sh", GUARD, "echo", "sweep of", "a mark"],
+            input=lines,
+            capture_output=True,
+            text=True,
+            timeout=10.0,
+        )
+        assert done.stdout == "sweep of a mark\n"
+        assert known.wait(5.0) == -signal.SIGKILL
+        assert forgotten.poll() is None
+        assert other.poll() is None
+    finally:
+        for process in (known, forgotten, other):
+            process.kill()
+            process.wait()
