@@ -49,8 +49,7 @@ class EkfNode(Node[LocalizerParams]):
     @magnets.handler
     def on_magnets(self, detection: MagnetDetection) -> None:
         """A reading newer than the odometry waits for it; one without magnets tells no pose."""
-        estimate = self.localizer.magnets(detection.stamp, detection.lateral)
-        self._send(estimate if detection.lateral else None)
+        self._send(self.localizer.magnets(detection.stamp, detection.lateral))
 
     @landmarks.handler
     def on_landmarks(self, seen: LandmarkDetection) -> None:

@@ -5,7 +5,9 @@ several magnets may be meant, nothing is learned.
 """
 
 from lodeline.ekf import learned
+from lodeline.ekf.agreement import Agreement
 from lodeline.ekf.engine import Engine, Noise
+from lodeline.ekf.gyro import Turn
 from lodeline.ekf.learned import Learned
 from lodeline.ekf.mixture import Hypothesis
 from lodeline.ekf.motion import Delta, part, twist
@@ -14,7 +16,6 @@ from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.samples import Measurement, Motion
 from lodeline.ekf.track import Track
 from lodeline.ekf.tracker import Tracker
-from lodeline.ekf.turning import Turn, Turning
 
 
 class LearningMover(Mover):
@@ -26,16 +27,22 @@ class LearningMover(Mover):
         self._by_gyro = 0.0  # share of the last turn that the gyro has decided
 
     def advance(
-        self, track: Track, before: Motion, after: Motion, begin: float, end: float
+        self,
+        track: Track,
+        before: Motion,
+        after: Motion,
+        from_ns: int,
+        to_ns: int,
+        gyro: Turn | None,
     ) -> Track:
         """After a part of a motion; the pose less sure by what the constants may be wrong by."""
         assert track.learned is not None
         self._known, self._by_gyro, self._last = track.learned, 0.0, None
-        there = super().advance(track, before, after, begin, end)
+        there = super().advance(track, before, after, from_ns, to_ns, gyro)
         way = self._way(before, after)
         if way.jumped:
             return there._replace(learned=track.learned.alone())
-        share, by_gyro = end - begin, self._by_gyro
+        share, by_gyro = (to_ns - from_ns) / way.gap_ns, self._by_gyro
         wheels = (1.0 - by_gyro) * share * way.delta.turn / (1.0 + track.learned.turn)
         seconds, mixture, found = share * way.seconds, [], track.learned
         for old, new in reversed(list(zip(track.mixture, there.mixture, strict=True))):
@@ -56,13 +63,13 @@ class LearningMover(Mover):
         return way._replace(twist=longer, delta=part(longer, 1.0))
 
     def _with_gyro(
-        self, turning: Turning, delta: Delta, noise: Noise, turn: Turn, seconds: float
-    ) -> tuple[Turning, Delta, Noise]:
+        self, before: Agreement, delta: Delta, noise: Noise, turn: Turn, seconds: float
+    ) -> tuple[Agreement, Delta, Noise]:
         turn = turn._replace(angle=turn.angle - self._known.bias * seconds)
-        turning, delta, noise = super()._with_gyro(turning, delta, noise, turn, seconds)
+        agreement, delta, noise = super()._with_gyro(before, delta, noise, turn, seconds)
         if turn.variance > 0.0:
             self._by_gyro = noise.tt / turn.variance
-        return turning, delta, noise
+        return agreement, delta, noise
 
 
 class LearningTracker(Tracker):

@@ -6,7 +6,7 @@ from lodeline.ekf.estimate import Estimate
 from lodeline.ekf.history import History, Mark, Verdict
 from lodeline.ekf.learning import LearningTracker
 from lodeline.ekf.params import LocalizerParams
-from lodeline.ekf.samples import Fix, Hits, Landmarks, Motion, Sighting, Spin
+from lodeline.ekf.samples import Fix, Heading, Hits, Landmarks, Motion, Sighting, Spin
 from lodeline.ekf.state import LocalizerState, Unused
 from lodeline.ekf.track import Track
 from lodeline.ekf.tracker import Tracker
@@ -28,7 +28,7 @@ class Localizer:
     def __init__(self, params: LocalizerParams) -> None:
         self._params, self._has_compass = params, params.heading == "on"
         self._tracker = tracker = LearningTracker(params) if params.learns else Tracker(params)
-        self._span_ns = round(params.history * 1e9)
+        self._gyro, self._span_ns = tracker.gyro, round(params.history * 1e9)
         self._history: History[Track] = History(
             self._span_ns, Mark(0, None, tracker.start()), tracker.advance, tracker.observe
         )
@@ -67,24 +67,30 @@ class Localizer:
         verdict = self._history.add(motion)
         if verdict == "late" and self._clock_went_back(stamp_ns):
             track = self._tracker.lost(self._history.newest.belief)
-            self._history.restart(Mark(stamp_ns, motion, track))
+            self._restart(Mark(stamp_ns, motion, track))
             verdict = "used"
         if verdict != "late":
             self._behind_since_ns = None
+            self._gyro.forget(self._history.oldest_ns)
         return self._answer(verdict)
 
     def magnets(self, stamp_ns: int, laterals: tuple[float, ...]) -> Estimate | None:
         """Takes one reading of the bar: lateral offsets [m], + left; empty if no reed is closed.
 
         Empty readings matter to the `edges` model: they tell when a reed opened and closed.
-        None: nothing changed (yet: a reading newer than the newest odometry waits for it).
+        None: it is empty, which tells no pose, or nothing changed (yet: a reading newer than the
+        newest odometry waits for it).
         """
         if laterals and not (
             len(laterals) <= HITS_LIMIT and all(abs(each) <= LATERAL_LIMIT for each in laterals)
         ):
             self.refused += 1
             return None
-        return self._answer(self._history.add(Hits(stamp_ns, tuple(laterals))))
+        verdict = self._history.add(Hits(stamp_ns, tuple(laterals)))
+        if laterals:
+            return self._answer(verdict)
+        self._count(verdict)
+        return None
 
     def landmarks(self, stamp_ns: int, seen: tuple[Sighting, ...]) -> Estimate | None:
         """Takes what was measured to known points at one moment.
@@ -133,14 +139,16 @@ class Localizer:
         ):
             self.refused += 1
             return
-        spin = Spin(
-            stamp_ns,
-            height(orientation, angular_velocity),
-            yaw_of(orientation) if self._has_compass else 0.0,
-            math.inf if disturbed else heading_std,
-            tilt_of(orientation),
-        )
-        self._count(self._history.add(spin))
+        if not self._history.reaches(stamp_ns):
+            self.late += 1
+            return
+        spin = Spin(stamp_ns, height(orientation, angular_velocity), tilt_of(orientation))
+        if not self._gyro.add(spin):
+            self.duplicates += 1
+            return
+        self._history.touch(stamp_ns)
+        if self._has_compass and not disturbed and math.isfinite(heading_std):
+            self._history.add(Heading(stamp_ns, yaw_of(orientation), heading_std))
 
     @property
     def estimate(self) -> Estimate | None:
@@ -161,7 +169,7 @@ class Localizer:
             ambiguous,
             sure,
             track.trust.alarms,
-            track.turning.agreement.doubted,
+            track.agreement.doubted,
             self._tracker.has_stuck_reed(track),
         )
 
@@ -180,9 +188,13 @@ class Localizer:
         track = state.checked().track.widened(*widen)
         if self._params.learns != (track.learned is not None):
             track = track._replace(learned=self._tracker.start().learned)
-        self._history.restart(Mark(state.stamp_ns, state.odometry, track))
+        self._restart(Mark(state.stamp_ns, state.odometry, track))
         unused = state.unused
         self.late, self.duplicates, self.refused = unused.late, unused.duplicates, unused.refused
+
+    def _restart(self, start: Mark[Track]) -> None:
+        self._history.restart(start)
+        self._gyro.restart(start.belief.lift)
 
     def _clock_went_back(self, stamp_ns: int) -> bool:
         """True when odometry has come too late, and nothing else, for as long as the history.

@@ -3,16 +3,17 @@
 from math import hypot
 from typing import NamedTuple
 
-from lodeline.ekf.agreement import doubting
+from lodeline.ekf.agreement import Agreement, doubting
 from lodeline.ekf.belief import made
 from lodeline.ekf.engine import Engine, Noise
+from lodeline.ekf.gyro import Turn
 from lodeline.ekf.mixture import Hypothesis, Mixture
 from lodeline.ekf.motion import Delta, Pace, arc, part, relative, twist
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.reeds import BarMemory
 from lodeline.ekf.samples import Motion
 from lodeline.ekf.track import Track
-from lodeline.ekf.turning import Turn, Turning, fused
+from lodeline.ekf.turning import fused
 
 COAST = 1.0  # s: for so long a robot that nobody measures is taken to go on as it went
 
@@ -37,13 +38,18 @@ class Mover:
 
     def __init__(self, engine: Engine, params: LocalizerParams) -> None:
         self._predict, self._params, self._bar_x = engine.predict, params, params.bar_x
-        self._gyro_noise, self._wander = params.gyro_noise**2, params.wander[1] ** 2
         self._last: tuple[Motion, Motion, Way] | None = None
 
     def advance(
-        self, track: Track, before: Motion, after: Motion, begin: float, end: float
+        self,
+        track: Track,
+        before: Motion,
+        after: Motion,
+        from_ns: int,
+        to_ns: int,
+        gyro: Turn | None,
     ) -> Track:
-        """After the part from `begin` to `end` (fractions) of the motion between two samples."""
+        """After a part of the motion between two samples, by stamps [ns]; its turn by the gyro."""
         last = self._last
         if last is not None and last[0] is before and last[1] is after:
             way = last[2]
@@ -51,28 +57,25 @@ class Mover:
             way = self._way(before, after)
             self._last = before, after, way
         gap_ns, seconds, delta, twist, pace, jumped, noise = way
-        mixture, _, turning, bar, lift, trust, compass_ns, wide, learned = track
-        share = end - begin
+        mixture, _, agreement, bar, lift, trust, compass_ns, wide, learned = track
+        share = (to_ns - from_ns) / gap_ns
         seconds *= share
-        since_ns = before.stamp_ns + begin * gap_ns
-        gyro = turning.over(since_ns, seconds, self._gyro_noise, self._wander)
         if jumped:
             track = self.lost(track, seconds, share, gyro)
-            return track._replace(pace=track.pace._replace(unmeasured=end < 1.0))
-        ss, st, tt, position, heading = noise  # white in time: a share of it for a share of it
-        parts = share * ss, share * st, share * tt, share * position, share * heading
-        noise = made(Noise, parts)
+            return track._replace(pace=track.pace._replace(unmeasured=to_ns < after.stamp_ns))
         if share < 1.0:
-            delta = part(twist, share)
+            ss, st, tt, position, heading = noise  # white in time: a share of it for a share of it
+            parts = share * ss, share * st, share * tt, share * position, share * heading
+            noise, delta = made(Noise, parts), part(twist, share)
         if gyro is not None:
-            turning, delta, noise = self._with_gyro(turning, delta, noise, gyro, seconds)
+            agreement, delta, noise = self._with_gyro(agreement, delta, noise, gyro, seconds)
         else:
-            bend = share * self._bend(pace, way.seconds)
+            bend = share * self._bend(pace, way.seconds, after.interval)
             noise = noise._replace(position=noise.position + bend)
         ahead, left, turn = delta
         bar = bar.moved(hypot(ahead, left + self._bar_x * turn), ahead)
         mixture = self._predicted(mixture, delta, noise)
-        return made(Track, (mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned))
+        return made(Track, (mixture, pace, agreement, bar, lift, trust, compass_ns, wide, learned))
 
     def lost(
         self,
@@ -120,17 +123,16 @@ class Mover:
         return Way(gap_ns, seconds, delta, twist(delta), pace, jumped, noise)
 
     def _with_gyro(
-        self, turning: Turning, delta: Delta, noise: Noise, turn: Turn, seconds: float
-    ) -> tuple[Turning, Delta, Noise]:
+        self, before: Agreement, delta: Delta, noise: Noise, turn: Turn, seconds: float
+    ) -> tuple[Agreement, Delta, Noise]:
         """The step as wheels and gyro see it together; where they differ too much, the gyro."""
-        rate, stamp_ns, spiked, before = turning
         (angle, variance), (_, _, tt, _, _), (_, _, wheels) = turn, noise, delta
         off = angle - wheels
         agreement = before.after(off, tt + variance, seconds)
         if before.doubted or agreement.doubted:
             noise = doubting(noise, off, agreement, seconds, self._params.track)
         delta, noise = fused(delta, noise, turn)
-        return made(Turning, (rate, stamp_ns, spiked, agreement)), delta, noise
+        return agreement, delta, noise
 
     def _noise(self, before: Motion, after: Motion, seconds: float) -> Noise:
         """Q of the lab in one of its two forms, for the way between two samples."""
@@ -147,11 +149,13 @@ class Mover:
         scale = worst.interval * seconds
         return Noise(scale * vv, scale * vw, scale * ww)
 
-    def _bend(self, pace: Pace, seconds: float) -> float:
+    def _bend(self, pace: Pace, seconds: float, interval: float) -> float:
         """Variance [m^2] of a way whose two ends are known, for how it went in between is not.
 
         With rates that are random walks of density q, their deviation from the mean moves the end
-        of a way of T by v sqrt(q_w T^5 / 120), and likewise with v and w changed over.
+        of a way of T by v sqrt(q_w T^5 / 120), and likewise with v and w changed over. The ends
+        are those of each `interval` that the odometry looked at.
         """
         q_v, q_w = (each * each for each in self._params.wander)
-        return (pace.v**2 * q_w + pace.w**2 * q_v) * seconds**5 / 120.0
+        step = min(interval, seconds) if interval > 0.0 else seconds
+        return (pace.v**2 * q_w + pace.w**2 * q_v) * seconds * step**4 / 120.0

@@ -25,17 +25,19 @@ class Hits(NamedTuple):
 
 
 class Spin(NamedTuple):
-    """What the IMU says: rate of turn [rad/s], heading and its sigma [rad], tilt [rad].
-
-    `heading_sigma` infinite: there is no north to believe. The heading counts only for who uses
-    the compass, and is 0 for others.
-    """
+    """What the IMU says all the time: rate of turn [rad/s] about the vertical, tilt [rad]."""
 
     stamp_ns: int
     rate: float
-    heading: float
-    heading_sigma: float
     tilt: float
+
+
+class Heading(NamedTuple):
+    """What the compass says: yaw and its standard deviation [rad]."""
+
+    stamp_ns: int
+    yaw: float
+    sigma: float
 
 
 class Sighting(NamedTuple):
@@ -68,7 +70,7 @@ class Fix(NamedTuple):
     sigma: float
 
 
-Measurement = Hits | Spin | Landmarks | Fix
+Measurement = Hits | Heading | Landmarks | Fix
 Sample = Motion | Measurement
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+from lodeline.ekf.agreement import Agreement
 from lodeline.ekf.belief import Belief, made
 from lodeline.ekf.learned import Learned
 from lodeline.ekf.lift import LEVEL, Lift
@@ -10,7 +11,6 @@ from lodeline.ekf.mixture import Hypothesis, Mixture
 from lodeline.ekf.motion import Pace
 from lodeline.ekf.reeds import BarMemory
 from lodeline.ekf.trust import Trust
-from lodeline.ekf.turning import Turning
 
 
 class Track(NamedTuple):
@@ -24,7 +24,7 @@ class Track(NamedTuple):
 
     mixture: Mixture
     pace: Pace = Pace()
-    turning: Turning = Turning()
+    agreement: Agreement = Agreement()
     bar: BarMemory = BarMemory()
     lift: Lift = LEVEL
     trust: Trust = Trust()
@@ -44,8 +44,8 @@ class Track(NamedTuple):
 
     def read(self, bar: BarMemory) -> "Track":
         """After a reading of the bar that changed nothing but the memory of it."""
-        mixture, pace, turning, _, lift, trust, compass_ns, wide, learned = self
-        return made(Track, (mixture, pace, turning, bar, lift, trust, compass_ns, wide, learned))
+        mixture, pace, agreement, _, lift, trust, compass_ns, wide, learned = self
+        return made(Track, (mixture, pace, agreement, bar, lift, trust, compass_ns, wide, learned))
 
     def each(self, change: Callable[[Belief], Belief]) -> "Track":
         """The same change to every hypothesis."""

@@ -3,13 +3,14 @@
 from lodeline.ekf.association import Association
 from lodeline.ekf.bar import Bar
 from lodeline.ekf.belief import Belief, certain
+from lodeline.ekf.compass import Compass
 from lodeline.ekf.engines import make_engine
-from lodeline.ekf.inertial import Inertial
+from lodeline.ekf.gyro import Gyro
 from lodeline.ekf.landmarks import sighted
 from lodeline.ekf.mixture import Hypothesis, certainty, spread
 from lodeline.ekf.mover import Mover
 from lodeline.ekf.params import LocalizerParams
-from lodeline.ekf.samples import Fix, Hits, Measurement, Motion, Spin
+from lodeline.ekf.samples import Fix, Heading, Hits, Measurement, Motion
 from lodeline.ekf.track import Track
 from lodeline.magnets.lattice import Lattice
 
@@ -17,7 +18,10 @@ MOVED_SIGMA = (1.0, 1.0)  # m, rad: what is told of a robot that was moved by so
 
 
 class Tracker:
-    """Pure steps from track to track; the history calls them in the order of stamps."""
+    """Steps from track to track; the history calls them in the order of stamps.
+
+    They depend on the track, the sample and what the `gyro` was told, and change none of them.
+    """
 
     def __init__(self, params: LocalizerParams) -> None:
         self._params, self._blind = params, params.magnet_model == "none"
@@ -26,8 +30,9 @@ class Tracker:
         self._association = Association(
             engine, lattice, params.bar_x, params.gate, params.bar_error
         )
+        self.gyro = Gyro(params.gyro_noise**2, params.wander[1] ** 2)
         self._mover = Mover(engine, params)
-        self._bar, self._inertial = Bar(self._association, params), Inertial(engine, params)
+        self._bar, self._compass = Bar(self._association, params), Compass(engine, params)
 
     def start(self) -> Track:
         """The track before any sample."""
@@ -36,10 +41,21 @@ class Tracker:
         return Track((Hypothesis(1.0, belief),), wide=self._association.is_wide(belief))
 
     def advance(
-        self, track: Track, before: Motion, after: Motion, begin: float, end: float
+        self, track: Track, before: Motion, after: Motion, from_ns: int, to_ns: int
     ) -> Track:
         """After a part of a motion: see `Mover.advance`."""
-        return self._marked(self._mover.advance(track, before, after, begin, end))
+        gyro, advance = self.gyro, self._mover.advance
+        turn = gyro.over(from_ns, to_ns)
+        if turn is None and (seam_ns := gyro.seam(from_ns, to_ns)) is not None:
+            track = advance(track, before, after, from_ns, seam_ns, None)
+            from_ns, turn = seam_ns, gyro.over(seam_ns, to_ns)
+        track = advance(track, before, after, from_ns, to_ns, turn)
+        lift = gyro.lift(to_ns)
+        if lift is not track.lift:
+            was_lifted, track = track.lift.lifted, track._replace(lift=lift)
+            if lift.lifted and not was_lifted:
+                track = track.alarmed(*self._params.widen_sigma)
+        return self._marked(track)
 
     def lost(self, track: Track) -> Track:
         """After a moment at which nobody knows where the robot went."""
@@ -47,10 +63,10 @@ class Tracker:
 
     def observe(self, track: Track, sample: Measurement) -> Track:
         """After a sample that is no motion."""
-        if isinstance(sample, Spin):
-            after = self._inertial.read(track, sample)
-        elif isinstance(sample, Hits):
+        if isinstance(sample, Hits):
             after = track if self._blind else self._bar.read(track, sample)
+        elif isinstance(sample, Heading):
+            after = self._compass.read(track, sample)
         else:
             after = track
             for landmark in (sample,) if isinstance(sample, Fix) else sample.seen:

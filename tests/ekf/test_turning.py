@@ -9,8 +9,9 @@ from lodeline.bench.scenes.drive import Drive
 from lodeline.ekf import Belief, Estimate, Localizer, LocalizerParams
 from lodeline.ekf.engine import Noise
 from lodeline.ekf.engines import make_engine
+from lodeline.ekf.gyro import Turn
 from lodeline.ekf.motion import Delta
-from lodeline.ekf.turning import Turn, fused
+from lodeline.ekf.turning import fused
 from lodeline.odometry import Odometry, OdometryParams
 
 MS = 1_000_000

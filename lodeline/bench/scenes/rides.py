@@ -87,7 +87,8 @@ def mean_nees(
             assert out is not None
             pose = (out.x, out.y, out.yaw)
             localizer.odometry(out.stamp_ns, *pose, out.twist_covariance, out.interval, out.resets)
-            estimate = localizer.magnets(out.stamp_ns, drive.laterals())
+            localizer.magnets(out.stamp_ns, drive.laterals())
+            estimate = localizer.estimate
             assert estimate is not None
             p = estimate.covariance
             mean = (estimate.x, estimate.y, estimate.yaw)
