@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from lodeline.ekf.belief import Belief
+from lodeline.ekf.belief import Belief, made
 from lodeline.ekf.engine import Detection, Engine, Innovation
 from lodeline.ekf.mixture import LEAST, MOST, Hypothesis, Mixture, reduced
 from lodeline.ekf.reeds import Sight
@@ -41,27 +41,25 @@ class Association:
 
     def is_wide(self, belief: Belief) -> bool:
         """True if a neighbour may be meant: that is looked into, though it is unlikely."""
-        return self._variance(belief) > self._wide
+        return self._exceeds(belief, self._wide)
 
     def is_astray(self, belief: Belief, *, before: bool) -> bool:
         """True if a neighbour is meant in more than one case of a hundred: that is to be told.
 
         If it was so `before`, until nobody needs to look into it: it does not come and go.
         """
-        limit = self._wide if before else self._astray
-        _, _, _, p00, _, _, p11, _, p22 = belief
+        return self._exceeds(belief, self._wide if before else self._astray)
+
+    def _exceeds(self, belief: Belief, limit: float) -> bool:
+        """Whether the bar is less sure of its place, along its worst axis, than a variance [m^2]."""
+        _, _, yaw, p00, p01, p02, p11, p12, p22 = belief
         if 2.0 * (p00 + p11 + self._bar_x_squared * p22) <= limit:
             return False  # even if all its parts pull the same way
-        return self._variance(belief) > limit
-
-    def _variance(self, belief: Belief) -> float:
-        """Variance [m^2] of the bar's place along the longest axis of its ellipse."""
-        bx, by = self._bar_x * math.cos(belief.yaw), self._bar_x * math.sin(belief.yaw)
-        _, _, _, p00, p01, p02, p11, p12, p22 = belief
+        bx, by = self._bar_x * math.cos(yaw), self._bar_x * math.sin(yaw)
         c00 = p00 - 2.0 * by * p02 + by * by * p22
         c01 = p01 + bx * p02 - by * p12 - bx * by * p22
         c11 = p11 + 2.0 * bx * p12 + bx * bx * p22
-        return _longest(c00, c01, c11)
+        return _longest(c00, c01, c11) > limit
 
     def is_torn(self, belief: Belief, sights: Sequence[Sight]) -> bool:
         """True if one of these sights may be of more than one magnet."""
@@ -157,13 +155,9 @@ class Association:
         return belief.x + c * ahead - s * lateral, belief.y + s * ahead + c * lateral
 
     def _detection(self, sight: Sight, magnet: tuple[float, float]) -> Detection:
-        return Detection(
-            self._bar_x + sight.offset,
-            sight.lateral,
-            sight.ahead_variance,
-            sight.left_variance,
-            *magnet,
-        )
+        lateral, offset, ahead_variance, left_variance, _ = sight
+        variances = ahead_variance, left_variance
+        return made(Detection, (self._bar_x + offset, lateral, *variances, *magnet))
 
 
 def _longest(c00: float, c01: float, c11: float) -> float:

@@ -1,7 +1,8 @@
 """What a reading of the reed bar does to the track: sights, their association, the verdict."""
 
 from lodeline.ekf.association import Association
-from lodeline.ekf.mixture import Hypothesis
+from lodeline.ekf.belief import made
+from lodeline.ekf.mixture import Hypothesis, Mixture
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.reeds import BarMemory, Contact, ReedModel, Sight, edge_sights, plain_sights
 from lodeline.ekf.samples import Hits
@@ -45,10 +46,10 @@ class Bar:
 
     def _is_torn(self, track: Track, hits: Hits) -> bool:
         """Whether a reading may be of other magnets than the nearest."""
-        sights = plain_sights(self._reeds, hits.laterals) if hits.laterals else []
         return track.torn or (
             self._params.association == "mixture"
-            and self._association.is_torn(track.belief, sights)
+            and self._association.is_wide(track.belief)
+            and self._association.is_torn(track.belief, plain_sights(self._reeds, hits.laterals))
         )
 
     def _sights(
@@ -61,28 +62,28 @@ class Bar:
 
     def has_stuck_reed(self, track: Track) -> bool:
         """True while a reed stays closed farther than any magnet holds it."""
-        limit = STUCK_PITCHES * self._params.lattice_pitch
-        return any(
-            each.since_last == 0.0 and abs(each.since_first) > limit for each in track.bar.contacts
+        contacts, limit = track.bar.contacts, STUCK_PITCHES * self._params.lattice_pitch
+        return bool(contacts) and any(
+            each.since_last == 0.0 and abs(each.since_first) > limit for each in contacts
         )
 
     def _seen(self, track: Track, sight: Sight, *, torn: bool) -> Track:
-        if not torn:
+        if torn:
+            mixture, nis, rejected = self._association.branch(track.mixture, sight)
+            return track if nis is None else self._judged(track, mixture, nis, rejected=rejected)
+        ((weight, belief),) = track.mixture
+        if not sight.fresh and self._association.is_wide(belief):
             # a reed that opens tells nothing across, but which magnet it was must be clear there
             nominal = self._reeds.sight(sight.lateral, sight.offset, sight.offset)
-            if not sight.fresh and self._association.is_torn(track.belief, (nominal,)):
+            if self._association.is_torn(belief, (nominal,)):
                 return track
-            belief, nis, passed = self._association.single(track.belief, sight)
-            track = track._replace(mixture=(Hypothesis(track.mixture[0].weight, belief),))
-            return self._judged(track, nis, rejected=not passed)
-        mixture, distance, rejected = self._association.branch(track.mixture, sight)
-        if distance is None:
-            return track
-        return self._judged(track._replace(mixture=mixture), distance, rejected=rejected)
+        belief, nis, passed = self._association.single(belief, sight)
+        return self._judged(track, (made(Hypothesis, (weight, belief)),), nis, rejected=not passed)
 
-    def _judged(self, track: Track, nis: float, *, rejected: bool) -> Track:
+    def _judged(self, track: Track, mixture: Mixture, nis: float, *, rejected: bool) -> Track:
         """Counts a verdict; too many rejections among the last mean that the pose is wrong."""
-        track = track._replace(trust=track.trust.after_sight(nis, rejected=rejected))
-        if track.trust.refusals < self._params.widen_after:
+        trust = track.trust.after_sight(nis, rejected=rejected)
+        track = track._replace(mixture=mixture, trust=trust)
+        if trust.refusals < self._params.widen_after:
             return track
         return track.alarmed(*self._params.widen_sigma)

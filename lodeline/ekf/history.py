@@ -91,11 +91,11 @@ class History(Generic[B]):
 
     def add(self, sample: Sample) -> Verdict:
         """Puts a sample in its place."""
-        keys, motion = self._keys, self._motion
         stamp_ns = sample.stamp_ns
         key = stamp_ns, KINDS[type(sample)]
         if key <= self._horizon:
             return "late"
+        keys, motion = self._keys, self._motion
         i = len(keys) if not keys or key > keys[-1] else bisect_left(keys, key)
         if i < len(keys) and keys[i] == key:
             return "duplicate"
@@ -106,23 +106,26 @@ class History(Generic[B]):
             self._insert(i, key, sample)
             self._crowd_out()
             return "waiting" if stamp_ns > until_ns else "used"
-        if keys:  # before the replay of all that waited, which needs their room
-            self._drop_before(stamp_ns - self._span_ns)
-            i = bisect_left(keys, key)
+        # before the replay of all that waited, which needs the room
+        i -= self._drop_before(stamp_ns - self._span_ns)
         self._insert(i, key, sample)
         nodes = self._nodes
         while i > 0 and not isinstance(nodes[i - 1].sample, Motion):  # its way is split anew
             i -= 1
-        self._stale = min(self._stale, i)
+        if i < self._stale:
+            self._stale = i
         if motion is None or stamp_ns > motion.stamp_ns:
             self._motion = sample
-        self._settle(self._motion or sample)
+            if (oldest := stamp_ns - self._span_ns) > self._horizon[0]:
+                self._horizon = oldest, -1  # what is older comes too late, and is dropped sometime
+        self._crowd_out()
         return "used"
 
     def _insert(self, i: int, key: tuple[int, int], sample: Sample) -> None:
         self._keys.insert(i, key)
         self._nodes.insert(i, Node(sample))
-        self._stale = min(self._stale, i)
+        if i < self._stale:
+            self._stale = i
 
     def _replay(self) -> None:
         """Believes (anew) what the first stale sample and all that come after it lead to."""
@@ -160,23 +163,19 @@ class History(Generic[B]):
                 return sample
         return None
 
-    def _settle(self, motion: Motion) -> None:
-        """Drops what is older than the span before the newest motion; it is late from now on."""
-        oldest = motion.stamp_ns - self._span_ns
-        self._crowd_out()
-        self._horizon = max(self._horizon, (oldest, -1))
-
-    def _drop_before(self, oldest: int) -> None:
-        """Drops what is older, once it is an eighth of the span."""
-        if self._keys[0][0] < oldest - self._span_ns // 8:
-            self._drop(bisect_left(self._keys, (oldest, 0)))
+    def _drop_before(self, oldest: int) -> int:
+        """Drops what is older, once it is an eighth of the span; how many samples that were."""
+        keys = self._keys
+        if not keys or keys[0][0] >= oldest - self._span_ns // 8:
+            return 0
+        return self._drop(bisect_left(keys, (oldest, 0)))
 
     def _crowd_out(self) -> None:
         """Drops the oldest of too many samples."""
         if len(self._keys) > self.CAPACITY:
             self._drop(len(self._keys) - self.CAPACITY)
 
-    def _drop(self, count: int) -> None:
+    def _drop(self, count: int) -> int:
         """Drops the oldest samples but those that wait; what they led to stays as the base."""
         if self._stale < count:
             self._replay()
@@ -184,6 +183,7 @@ class History(Generic[B]):
         if count > 0:
             base = self._nodes[count - 1].after
             assert base is not None
-            self._base, self._horizon = base, self._keys[count - 1]
+            self._base, self._horizon = base, max(self._horizon, self._keys[count - 1])
             self._stale -= count
             del self._keys[:count], self._nodes[:count]
+        return count

@@ -2,6 +2,7 @@
 
 import math
 
+from lodeline.ekf.belief import made
 from lodeline.ekf.estimate import Estimate
 from lodeline.ekf.history import History, Mark, Verdict
 from lodeline.ekf.learning import LearningTracker
@@ -63,7 +64,7 @@ class Localizer:
         ):
             self.refused += 1
             return None
-        motion = Motion(stamp_ns, x, y, yaw, (vv, vw, wv, ww), interval, resets)
+        motion = made(Motion, (stamp_ns, x, y, yaw, twist_covariance, interval, resets))
         verdict = self._history.add(motion)
         if verdict == "late" and self._clock_went_back(stamp_ns):
             track = self._tracker.lost(self._history.newest.belief)
@@ -142,7 +143,8 @@ class Localizer:
         if not self._history.reaches(stamp_ns):
             self.late += 1
             return
-        spin = Spin(stamp_ns, height(orientation, angular_velocity), tilt_of(orientation))
+        rate = height(orientation, angular_velocity)
+        spin = made(Spin, (stamp_ns, rate, tilt_of(orientation)))
         if not self._gyro.add(spin):
             self.duplicates += 1
             return
@@ -158,20 +160,10 @@ class Localizer:
             return None
         track = mark.belief
         belief, sure, ambiguous = self._tracker.published(track)
-        return Estimate(
-            mark.stamp_ns,
-            belief.x,
-            belief.y,
-            belief.yaw,
-            belief.covariance,
-            track.trust.nis,
-            track.trust.rejected,
-            ambiguous,
-            sure,
-            track.trust.alarms,
-            track.agreement.doubted,
-            self._tracker.has_stuck_reed(track),
-        )
+        trust, doubted = track.trust, track.agreement.doubted
+        where = mark.stamp_ns, belief.x, belief.y, belief.yaw, belief.covariance
+        believed = trust.nis, trust.rejected, ambiguous, sure, trust.alarms
+        return made(Estimate, (*where, *believed, doubted, self._tracker.has_stuck_reed(track)))
 
     @property
     def state(self) -> LocalizerState:
@@ -188,7 +180,7 @@ class Localizer:
         track = state.checked().track.widened(*widen)
         if self._params.learns != (track.learned is not None):
             track = track._replace(learned=self._tracker.start().learned)
-        self._restart(Mark(state.stamp_ns, state.odometry, track))
+        self._restart(Mark(state.stamp_ns, state.odometry, self._tracker.marked(track)))
         unused = state.unused
         self.late, self.duplicates, self.refused = unused.late, unused.duplicates, unused.refused
 

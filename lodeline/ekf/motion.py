@@ -32,7 +32,7 @@ def relative(x0: float, y0: float, yaw0: float, x1: float, y1: float, yaw1: floa
     """The motion from pose 0 to pose 1 [m, m, rad], in the body frame of pose 0."""
     c, s = math.cos(yaw0), math.sin(yaw0)
     dx, dy = x1 - x0, y1 - y0
-    return Delta(c * dx + s * dy, c * dy - s * dx, wrap_angle(yaw1 - yaw0))
+    return made(Delta, (c * dx + s * dy, c * dy - s * dx, wrap_angle(yaw1 - yaw0)))
 
 
 def twist(delta: Delta) -> Delta:
@@ -43,7 +43,7 @@ def twist(delta: Delta) -> Delta:
     # chord = V(turn) twist, with V = [[a, -b], [b, a]]
     a, b = math.sin(turn) / turn, _versine(turn) / turn
     norm = a * a + b * b
-    return Delta((a * ahead + b * left) / norm, (a * left - b * ahead) / norm, turn)
+    return made(Delta, ((a * ahead + b * left) / norm, (a * left - b * ahead) / norm, turn))
 
 
 def part(twist: Delta, share: float) -> Delta:

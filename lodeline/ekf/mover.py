@@ -63,15 +63,16 @@ class Mover:
         if jumped:
             track = self.lost(track, seconds, share, gyro)
             return track._replace(pace=track.pace._replace(unmeasured=to_ns < after.stamp_ns))
-        if share < 1.0:
-            ss, st, tt, position, heading = noise  # white in time: a share of it for a share of it
-            parts = share * ss, share * st, share * tt, share * position, share * heading
-            noise, delta = made(Noise, parts), part(twist, share)
+        ss, st, tt, position, heading = noise
+        if gyro is None:
+            position += self._bend(pace, way.seconds, after.interval)
+        if share < 1.0:  # white in time: a share of it for a share of it
+            ss, st, tt = share * ss, share * st, share * tt
+            position, heading = share * position, share * heading
+            delta = part(twist, share)
+        noise = made(Noise, (ss, st, tt, position, heading))
         if gyro is not None:
             agreement, delta, noise = self._with_gyro(agreement, delta, noise, gyro, seconds)
-        else:
-            bend = share * self._bend(pace, way.seconds, after.interval)
-            noise = noise._replace(position=noise.position + bend)
         ahead, left, turn = delta
         bar = bar.moved(hypot(ahead, left + self._bar_x * turn), ahead)
         mixture = self._predicted(mixture, delta, noise)
@@ -119,8 +120,9 @@ class Mover:
         jumped = after.resets != before.resets or (
             hypot(ahead, left) > self._params.max_speed * seconds
         )
-        pace, noise = Pace(ahead / seconds, turn / seconds), self._noise(before, after, seconds)
-        return Way(gap_ns, seconds, delta, twist(delta), pace, jumped, noise)
+        pace = made(Pace, (ahead / seconds, turn / seconds, False))
+        noise = self._noise(before, after, seconds)
+        return made(Way, (gap_ns, seconds, delta, twist(delta), pace, jumped, noise))
 
     def _with_gyro(
         self, before: Agreement, delta: Delta, noise: Noise, turn: Turn, seconds: float
@@ -147,7 +149,7 @@ class Mover:
         # white in time: what the twist's covariance is worth over `interval`, for `seconds`
         vv, vw, _, ww = worst.twist_covariance
         scale = worst.interval * seconds
-        return Noise(scale * vv, scale * vw, scale * ww)
+        return made(Noise, (scale * vv, scale * vw, scale * ww, 0.0, 0.0))
 
     def _bend(self, pace: Pace, seconds: float, interval: float) -> float:
         """Variance [m^2] of a way whose two ends are known, for how it went in between is not.

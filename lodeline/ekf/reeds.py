@@ -44,7 +44,8 @@ class Contact(NamedTuple):
 
     def moved(self, way: float, step: float) -> "Contact":
         """After the bar moved by `way` [m], of which `step` along x."""
-        return Contact(self.lateral, self.since_first + step, self.since_last + way, self.told)
+        lateral, first, last, told = self
+        return made(Contact, (lateral, first + step, last + way, told))
 
 
 class BarMemory(NamedTuple):
@@ -70,10 +71,20 @@ class ReedModel(NamedTuple):
     edge_sigma: float
     lateral_sigma: float
 
-    def sight(self, lateral: float, low: float, high: float) -> Sight:
-        """A magnet anywhere from `low` to `high` [m] ahead of the bar."""
-        ahead = (high - low) ** 2 / 12.0 + self.edge_sigma**2
-        return Sight(lateral, 0.5 * (low + high), ahead, self.lateral_sigma**2)
+    def sight(
+        self,
+        lateral: float,
+        low: float,
+        high: float,
+        ahead_share: float = 1.0,
+        share: float = 1.0,
+        *,
+        fresh: bool = True,
+    ) -> Sight:
+        """A magnet anywhere from `low` to `high` [m] ahead of the bar; worth shares of a sight."""
+        ahead = ((high - low) ** 2 / 12.0 + self.edge_sigma**2) / ahead_share
+        left = self.lateral_sigma**2 / share
+        return made(Sight, (lateral, 0.5 * (low + high), ahead, left, fresh))
 
 
 def plain_sights(model: ReedModel, laterals: tuple[float, ...]) -> list[Sight]:
@@ -116,14 +127,8 @@ def edge_sights(
             kept.append(Contact(lateral, since_first, 0.0, before.told + share))
             if worth < NOTHING or abs(since_first) > STUCK * model.passage:
                 continue
-        sight = model.sight(lateral, low, high)
-        sights.append(
-            sight._replace(
-                ahead_variance=sight.ahead_variance / ahead_share,
-                left_variance=sight.left_variance / worth,
-                fresh=before is None,
-            )
-        )
+        fresh = before is None
+        sights.append(model.sight(lateral, low, high, ahead_share, worth, fresh=fresh))
     for before in left_over:
         moved = before.moved(way, step)
         closed = before.since_last == 0.0

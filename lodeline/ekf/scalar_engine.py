@@ -66,14 +66,13 @@ class ScalarEngine:
         y0, y1 = detection.ahead - ahead, detection.left - left
         after = _joseph(belief, (-c, -s, left), y0, detection.ahead_variance)
         # linearised where the first was: less of the second innovation is left to explain
-        y1 -= s * (after.x - belief.x) - c * (after.y - belief.y) - ahead * (after.yaw - belief.yaw)
-        after = _joseph(after, (s, -c, -ahead), y1, detection.left_variance)
-        return after._replace(yaw=wrap_angle(after.yaw))
+        turn = wrap_angle(after.yaw - belief.yaw)
+        y1 -= s * (after.x - belief.x) - c * (after.y - belief.y) - ahead * turn
+        return _joseph(after, (s, -c, -ahead), y1, detection.left_variance)
 
     def correct_scalar(self, belief: Belief, row: Row, residual: float, variance: float) -> Belief:
         """Joseph's form for one measured value."""
-        after = _joseph(belief, row, residual, variance)
-        return after._replace(yaw=wrap_angle(after.yaw))
+        return _joseph(belief, row, residual, variance)
 
 
 def _expected(belief: Belief, detection: Detection) -> tuple[float, float, float, float]:
@@ -111,14 +110,17 @@ def _joseph(belief: Belief, h: Row, y: float, r: float) -> Belief:
     g0 = m00 * h0 + m01 * h1 + m02 * h2 - r * k0
     g1 = m10 * h0 + m11 * h1 + m12 * h2 - r * k1
     g2 = m20 * h0 + m21 * h1 + m22 * h2 - r * k2
-    return Belief(
-        x + k0 * y,
-        yy + k1 * y,
-        yaw + k2 * y,
-        m00 - g0 * k0,
-        m01 - g0 * k1,
-        m02 - g0 * k2,
-        m11 - g1 * k1,
-        m12 - g1 * k2,
-        m22 - g2 * k2,
+    return made(
+        Belief,
+        (
+            x + k0 * y,
+            yy + k1 * y,
+            wrap_angle(yaw + k2 * y),
+            m00 - g0 * k0,
+            m01 - g0 * k1,
+            m02 - g0 * k2,
+            m11 - g1 * k1,
+            m12 - g1 * k2,
+            m22 - g2 * k2,
+        ),
     )

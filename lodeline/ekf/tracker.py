@@ -55,11 +55,11 @@ class Tracker:
             was_lifted, track = track.lift.lifted, track._replace(lift=lift)
             if lift.lifted and not was_lifted:
                 track = track.alarmed(*self._params.widen_sigma)
-        return self._marked(track)
+        return self.marked(track)
 
     def lost(self, track: Track) -> Track:
         """After a moment at which nobody knows where the robot went."""
-        return self._marked(self._mover.lost(track))
+        return self.marked(self._mover.lost(track))
 
     def observe(self, track: Track, sample: Measurement) -> Track:
         """After a sample that is no motion."""
@@ -71,7 +71,7 @@ class Tracker:
             after = track
             for landmark in (sample,) if isinstance(sample, Fix) else sample.seen:
                 after = sighted(self._engine, after, landmark)
-        return after if after.mixture is track.mixture else self._marked(after)
+        return after if after.mixture is track.mixture else self.marked(after)
 
     def distances(self, track: Track, hits: Hits) -> list[tuple[float, list[float]]]:
         """How a reading tells magnets apart, before any of them corrects: see `Bar.distances`."""
@@ -87,16 +87,15 @@ class Tracker:
         After an alarm it goes on as well as it can, but which cell of the lattice it is in no
         magnet tells: it is not trusted again.
         """
-        wide = self._association.is_astray(track.belief, before=track.wide)
-        belief, sure = track.belief, 1.0
-        if track.torn:
-            belief = spread(track.mixture)
-            sure = certainty(track.mixture, self._params.cell)
+        mixture, sure = track.mixture, 1.0
+        belief = mixture[0].belief
+        if len(mixture) > 1:
+            belief, sure = spread(mixture), certainty(mixture, self._params.cell)
         if track.trust.alarms:
             return belief.widened(*MOVED_SIGMA), 0.0, True
-        return belief, sure, wide or sure < self._params.sure
+        return belief, sure, track.wide or sure < self._params.sure
 
-    def _marked(self, track: Track) -> Track:
+    def marked(self, track: Track) -> Track:
         """With `wide` as it is now."""
         (_, belief), wide = track.mixture[0], track.wide
         after = self._association.is_astray(belief, before=wide)

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+from lodeline.ekf.belief import made
+
 RECENT = 8  # sights of which too many must not be refused
 
 
@@ -17,7 +19,8 @@ class Trust(NamedTuple):
     def after_sight(self, nis: float, *, rejected: bool) -> "Trust":
         """One sight of a magnet more; one that fits after none was refused is nothing new."""
         if not rejected and not self.recent:
-            return self._replace(nis=nis)
+            _, refused, _, streak, alarms = self
+            return made(Trust, (nis, refused, 0, streak, alarms))
         recent = (self.recent << 1 | rejected) & ((1 << RECENT) - 1)
         return self._replace(nis=nis, rejected=self.rejected + rejected, recent=recent)
 
