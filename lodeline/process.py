@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lodeline.bus import Peer, Publisher
+from lodeline.bus import Publisher
 from lodeline.clock import Clock, HostClock, RecordingClock
 from lodeline.graph import Graph
 from lodeline.health import Gossip
@@ -32,6 +32,7 @@ from lodeline.node import Context, Driver, Node
 from lodeline.notify import Notifier
 from lodeline.orders import Orders
 from lodeline.params import build
+from lodeline.sessions import Peer
 from lodeline.status import StatusReporter
 from lodeline.ticker import Ticker
 from lodeline_msgs import Message, encoding_of

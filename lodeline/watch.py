@@ -9,9 +9,10 @@ import time
 from collections.abc import Callable, Collection, Iterator
 from typing import Any, Self
 
-from lodeline.bus import BusError, Client, Publisher
+from lodeline.bus import BusError, Publisher
 from lodeline.params import closest, nearest
 from lodeline.run_folder import Key, Running, running
+from lodeline.sessions import Client
 from lodeline_msgs import DecodeError, NodeStatus, unpack
 
 PATIENCE_S = 2.0

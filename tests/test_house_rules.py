@@ -33,6 +33,7 @@ PLUMBING = {
         "node",
         "pipeline",
         "process",
+        "sessions",
         "status",
     )
 }

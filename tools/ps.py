@@ -90,7 +90,8 @@ def parser() -> argparse.ArgumentParser:
 
 def _ask(folder: Path, key: str) -> list[tuple[str, dict[str, Any]]]:
     """(host, report) of all supervisors that this hub can reach."""
-    from lodeline.bus import BusError, query
+    from lodeline.bus import BusError
+    from lodeline.sessions import query
 
     try:
         answers = query(folder, key, TIMEOUT_S)

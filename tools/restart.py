@@ -16,8 +16,9 @@ TIMEOUT_S = 2.0
 def main(argv: list[str]) -> int:
     """Run `lodeline restart`; the exit code."""
     arguments = parser().parse_args(argv)
-    from lodeline.bus import BusError, query
+    from lodeline.bus import BusError
     from lodeline.params import nearest
+    from lodeline.sessions import query
     from lodeline.watch import NothingThereError, choose
 
     try:

@@ -21,9 +21,9 @@ from typing import Annotated
 from lodeline.bench.cable import Fault
 from lodeline.bench.machines import missing
 from lodeline.bench.pair import Ear, Heard, Pair
-from lodeline.bus import Client
 from lodeline.recording.read import Recording
 from lodeline.recording.summary import summarize
+from lodeline.sessions import Client
 from lodeline.tables import table
 
 EXIT_FAILED = 1

@@ -17,10 +17,10 @@ from typing import Annotated, Self
 
 from lodeline.bench.cable import Cable
 from lodeline.bench.machines import Machine
-from lodeline.bus import Client
 from lodeline.clock import HostClock, epoch_offset
 from lodeline.loading import shipped
 from lodeline.run_folder import VARIABLE, running
+from lodeline.sessions import Client
 from lodeline_msgs import MESSAGES, unpack
 
 PATIENCE_S = 30.0

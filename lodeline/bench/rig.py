@@ -14,8 +14,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from lodeline.bus import Client
 from lodeline.run_folder import running
+from lodeline.sessions import Client
 from lodeline.watch import Watch
 from lodeline_msgs import NodeStatus, Odometry, PoseEstimate, unpack
 

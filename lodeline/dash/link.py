@@ -8,12 +8,13 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from lodeline.bus import BusError, Client, Publisher
+from lodeline.bus import BusError, Publisher
 from lodeline.dash.frames import Newest
 from lodeline.dash.scene import drive_key, scene, status_of
 from lodeline.dash.tail import Tail
 from lodeline.pipeline.load import load_unchanged
 from lodeline.run_folder import Manifest, Running, running
+from lodeline.sessions import Client
 from lodeline.watch import CALIBRATING
 from lodeline_msgs import DecodeError, NodeStatus, Twist, encoding_of, pack, unpack
 

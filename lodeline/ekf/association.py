@@ -51,7 +51,7 @@ class Association:
         return self._exceeds(belief, self._wide if before else self._astray)
 
     def _exceeds(self, belief: Belief, limit: float) -> bool:
-        """Whether the bar is less sure of its place, along its worst axis, than a variance [m^2]."""
+        """Whether the variance [m^2] of the bar's place, along its worst axis, is above `limit`."""
         _, _, yaw, p00, p01, p02, p11, p12, p22 = belief
         if 2.0 * (p00 + p11 + self._bar_x_squared * p22) <= limit:
             return False  # even if all its parts pull the same way

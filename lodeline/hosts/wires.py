@@ -8,11 +8,12 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from lodeline.bus import Gateway, Hub, overhear_links, several_threads
+from lodeline.bus import overhear_links, several_threads
 from lodeline.hosts.links import Link
 from lodeline.hosts.refusals import Refusals
 from lodeline.hosts.slowness import Advice, Slowness
 from lodeline.pipeline.model import Pipeline
+from lodeline.sessions import Gateway, Hub
 
 
 class Wires:

@@ -6,11 +6,12 @@ import itertools
 import time
 from collections.abc import Mapping
 
-from lodeline.bus import BusError, Client, Publisher, wait_watched
+from lodeline.bus import BusError, Publisher, wait_watched
 from lodeline.recording import RecordingError
 from lodeline.recording.play import Choice, Played, play
 from lodeline.recording.read import Recording
 from lodeline.run_folder import Running
+from lodeline.sessions import Client
 from lodeline.terminal.transport import Transport
 from lodeline.watch import Watch
 from lodeline_msgs import encoding_of

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from lodeline.bus import Hub
+from lodeline.sessions import Hub
 from lodeline.supervisor.log_files import LogFiles
 from lodeline.supervisor.logbook import LogBook
 from lodeline.supervisor.logs import Console

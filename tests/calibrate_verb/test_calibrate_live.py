@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from lodeline.bus import Client
 from lodeline.calibration import ImuCalibration
 from lodeline.calibration_file import calibrated, load
+from lodeline.sessions import Client
 from lodeline.sim.chips.mpu import GRAVITY
 from lodeline_msgs import Odometry, Twist, encoding_of, pack, unpack
 from tests.calibrate_verb.turned_board import OFFSET, SCALE

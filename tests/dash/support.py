@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 from websockets.asyncio.client import ClientConnection, connect
 
-from lodeline.bus import Client
+from lodeline.sessions import Client
 from lodeline_msgs import DecodeError, class_of, unpack
 from tests.support.live import ROOT, Up, environment
 

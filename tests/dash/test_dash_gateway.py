@@ -13,12 +13,12 @@ from typing import Any
 
 import pytest
 
-from lodeline.bus import Client
 from lodeline.dash import client as client_module
 from lodeline.dash import link as link_module
 from lodeline.dash.client import AHEAD, Viewer
 from lodeline.dash.frames import Frame, Past
 from lodeline.dash.gateway import TOP_RATE, TOP_SPEED, Gateway
+from lodeline.sessions import Client
 from tests.dash.support import Dash, Ear, Reader, connecting, with_reader
 from tests.support.live import Up, eventually
 

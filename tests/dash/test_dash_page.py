@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from lodeline.bus import Client
 from lodeline.rotation import from_euler
+from lodeline.sessions import Client
 from tests.dash.chromium import Chromium
 from tests.dash.support import Dash, Ear
 from tests.support.live import ROOT, Up, eventually

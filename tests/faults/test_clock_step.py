@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from lodeline.bus import Client
+from lodeline.sessions import Client
 from lodeline.watch import Watch
 from lodeline_msgs import WheelTicks, unpack
 from tests.support.live import Up, eventually

@@ -17,8 +17,8 @@ from typing import Any
 import msgpack
 import pytest
 
-from lodeline.bus import Client
 from lodeline.dash.gateway import Gateway
+from lodeline.sessions import Client
 from lodeline.supervisor.usage import resident
 from lodeline.watch import Watch
 from lodeline_msgs import NodeStatus, Twist, WheelTicks, encoding_of, pack, unpack

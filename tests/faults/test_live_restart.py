@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from lodeline.bus import Client
 from lodeline.rotation import to_euler, wrap_angle
+from lodeline.sessions import Client
 from lodeline_msgs import AttitudeEstimate, Odometry, unpack
 from tests.supervisor.talk import patience
 from tests.support.live import ROOT, Up, eventually

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 import zenoh
 
-from lodeline.bus import Client, Hub, Peer, Publisher
+from lodeline.bus import Publisher
+from lodeline.sessions import Client, Hub, Peer
 
 
 class LateAnswer:

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import lodeline_msgs
-from lodeline.bus import Client
+from lodeline.sessions import Client
 from lodeline.watch import Watch
 from lodeline_msgs import NodeStatus, WheelTicks, unpack
 from tests.hosts.net import Host, Net, two_machines

@@ -52,7 +52,7 @@ def test_a_second_laptop_of_the_same_name_is_refused_with_the_first(net: Net) ->
 BRIDGE = """
 import sys
 from pathlib import Path
-from lodeline.bus import Gateway, Hub
+from lodeline.sessions import Gateway, Hub
 from lodeline.hosts.links import Link, endpoint
 hub = Hub(Path(sys.argv[1]))
 line = Gateway(Path(sys.argv[1]), Link(connect=tuple(endpoint(end) for end in sys.argv[2:])))

@@ -19,7 +19,8 @@ from tests.hosts.net import hosts_at, write_file
 BOTH = """
 import json, shutil, sys, tempfile, time
 from pathlib import Path
-from lodeline.bus import Gateway, Hub, overhear_links
+from lodeline.bus import overhear_links
+from lodeline.sessions import Gateway, Hub
 from lodeline.hosts.links import link_of
 from lodeline.hosts.refusals import Refusals
 from lodeline.pipeline.load import load

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from lodeline.bus import Client
 from lodeline.hosts import certificates
 from lodeline.hosts.certificates import KeysError
+from lodeline.sessions import Client
 from lodeline.watch import Watch
 from tests.dash.support import Dash, Reader, with_reader
 from tests.hosts.net import Host, Net

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lodeline.bus import Client
+from lodeline.sessions import Client
 from lodeline_msgs import PoseEstimate, unpack
 from tests.support.live import ROOT, Up, eventually, lodeline
 

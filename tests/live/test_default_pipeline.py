@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from lodeline.bus import Client
+from lodeline.sessions import Client
 from lodeline_msgs import Odometry, PoseEstimate, unpack
 from tests.support.live import ROOT, Up, eventually, living, lodeline
 

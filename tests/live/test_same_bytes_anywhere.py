@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from lodeline.bus import Client, wait_watched
+from lodeline.bus import wait_watched
 from lodeline.graph import Graph
 from lodeline.node import Context
 from lodeline.pipeline.load import load
 from lodeline.recording.read import Recording
+from lodeline.sessions import Client
 from lodeline.watch import Watch
 from lodeline_msgs import Message, encoding_of, pack, unpack
 from tests.support.live import ROOT, Up, eventually

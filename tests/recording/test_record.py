@@ -17,7 +17,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from lodeline.bus import Client
 from lodeline.recording import RecordingError, localizer
 from lodeline.recording.live import record_live
 from lodeline.recording.read import Recording
@@ -26,6 +25,7 @@ from lodeline.recording.recover import recover
 from lodeline.recording.room import Room
 from lodeline.recording.sink import BALLAST
 from lodeline.recording.summary import summarize
+from lodeline.sessions import Client
 from lodeline.watch import Watch
 from lodeline_msgs import Imu, Twist, class_of, encoding_of, pack, unpack
 from tests.support.live import ROOT, Up, environment, eventually, lodeline

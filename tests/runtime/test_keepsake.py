@@ -27,12 +27,16 @@ class Counter(Node[NoParams]):
     """Counts, and takes no count from ten on."""
 
     State = Count
-    count = 0
+
+    def setup(self) -> None:
+        self.count = 0
+        self.seen = {"the first"}
 
     def save(self) -> Count:
         return Count(self.count)
 
     def resume(self, state: Count) -> None:
+        self.seen.add("half of a state")
         self.count = range(10)[state.value]
 
 
@@ -71,3 +75,4 @@ def test_a_state_that_the_node_fails_over_is_lost_and_not_its_start(
     counter.count = 0
     assert keepsake.restore() is None and counter.count == 0
     assert "STATE_LOST counter: " in capsys.readouterr().err
+    assert counter.seen == {"the first"}

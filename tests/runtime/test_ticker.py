@@ -12,10 +12,10 @@ from typing import Annotated
 
 import pytest
 
-from lodeline.bus import Hub
 from lodeline.clock import HostClock
 from lodeline.launch import Launch
 from lodeline.node import Driver, Node
+from lodeline.sessions import Hub
 from lodeline.stamps import Steps
 from lodeline.status import StatusReporter
 from lodeline.ticker import Ticker

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import pytest
 
-from lodeline.bus import Client
 from lodeline.recording.play import play
 from lodeline.recording.read import Packed
 from lodeline.recording.write import RecordingWriter
+from lodeline.sessions import Client
 from lodeline_msgs import Twist, pack, unpack
 from tests.support.live import ROOT, Up, environment, eventually
 

@@ -16,8 +16,8 @@ from typing import IO, Any
 
 import pytest
 
-from lodeline.bus import Client
 from lodeline.pipeline.load import load
+from lodeline.sessions import Client
 from lodeline_msgs import Twist, encoding_of, field_specs, unpack
 from tests.support.live import ROOT, Up, environment, eventually
 

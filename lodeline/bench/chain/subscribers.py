@@ -7,9 +7,9 @@ import json
 import time
 from pathlib import Path
 
-from lodeline.bus import Client
 from lodeline.clock import HostClock, epoch_offset
 from lodeline.run_folder import running
+from lodeline.sessions import Client
 from lodeline_msgs import PoseEstimate, unpacker_of
 
 
