@@ -61,12 +61,20 @@ class Keepsake:
             return None
         try:
             values, marks = _checked(self._file.read_bytes())
-            self._node.resume(rebuilt(values, kind))
+            state = rebuilt(values, kind)
+        except Exception as error:
+            return self._lost(error)
+        try:
+            self._node.resume(state)
         except Exception as error:  # `resume` is the user's: raised here, no start would succeed
-            text = f"STATE_LOST {self._node.context.name}: {error}; starting afresh"
-            print(text, file=sys.stderr, flush=True)
-            return None
+            self._node.close()
+            self._node.setup()  # it may have taken half of the state
+            return self._lost(error)
         return dict(marks)
+
+    def _lost(self, error: Exception) -> None:
+        text = f"STATE_LOST {self._node.context.name}: {error}; starting afresh"
+        print(text, file=sys.stderr, flush=True)
 
     def forget(self) -> None:
         """The successor is to start afresh: this state may be what is wrong."""

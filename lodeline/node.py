@@ -178,10 +178,12 @@ class Node(Generic[P]):
         self.setup()
 
     def setup(self) -> None:
-        """Make what the handlers need; called once, before the first sample."""
+        """Make what the handlers need; called before the first sample, and once more after `close`
+        if `resume` fails.
+        """
 
     def close(self) -> None:
-        """Give back what `setup` took; called once, after the last sample."""
+        """Give back what `setup` took; called after the last sample."""
 
     def save(self) -> Any:
         """This node's `State` now, or None while there is nothing worth keeping."""
