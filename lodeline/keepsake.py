@@ -63,16 +63,18 @@ class Keepsake:
             values, marks = _checked(self._file.read_bytes())
             state = rebuilt(values, kind)
         except Exception as error:
-            return self._lost(error)
+            self._tell_lost(error)
+            return None
         try:
             self._node.resume(state)
         except Exception as error:  # `resume` is the user's: raised here, no start would succeed
             self._node.close()
             self._node.setup()  # it may have taken half of the state
-            return self._lost(error)
+            self._tell_lost(error)
+            return None
         return dict(marks)
 
-    def _lost(self, error: Exception) -> None:
+    def _tell_lost(self, error: Exception) -> None:
         text = f"STATE_LOST {self._node.context.name}: {error}; starting afresh"
         print(text, file=sys.stderr, flush=True)
 

@@ -21,6 +21,16 @@ _WORTH_IT = 1 << 18
 WORKING_S = 10.0
 """After so long at work, what only the start needed has been idle for long enough."""
 _SMAPS = "/proc/self/smaps"
+_PAGE = os.sysconf("SC_PAGE_SIZE")
+
+
+def resident(pid: int) -> int:
+    """Bytes of memory of a process, 0 if there is none."""
+    try:
+        with open(f"/proc/{pid}/statm") as file:  # noqa: PTH123 - pathlib is large
+            return int(file.read().split()[1]) * _PAGE
+    except OSError:
+        return 0
 
 
 def settle() -> None:

@@ -12,7 +12,6 @@ Quaternion = tuple[float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
 IDENTITY: Quaternion = (0.0, 0.0, 0.0, 1.0)
-EYE: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 # Nearer than this to a vertical x axis, roll and yaw turn about the same axis.
 _GIMBAL = 1.0 - 1e-12

@@ -6,13 +6,13 @@ import os
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 from lodeline.bus import Publisher, Session
 from lodeline.health import Complaint, Pace, worst
 from lodeline.inlet import Inlet, counts
 from lodeline.launch import Launch
+from lodeline.memory import resident
 from lodeline.node import Driver, Node
 from lodeline.recent import KEPT_S, Recent, recent_key
 from lodeline_msgs import Message, NodeStatus, encoding_of, pack
@@ -194,7 +194,7 @@ class StatusReporter:
             rejected=dict(context.rejected),
             restarts=self._launch.restarts,
             cpu=cpu,
-            rss=_resident_bytes(),
+            rss=resident(os.getpid()),
             last_error="; ".join([*own, *map(str, found)]) or context.last_error or first,
             jitter=_drained(context.lateness),
         )
@@ -239,8 +239,3 @@ def _drained(lateness: deque[float]) -> float:
     """The 99th percentile of what is in it; it is empty then."""
     values = sorted(lateness.popleft() for _ in range(len(lateness)))
     return _quantile(values, 0.99) if values else 0.0
-
-
-def _resident_bytes() -> int:
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE")

@@ -13,6 +13,7 @@ import argparse
 import contextlib
 import json
 import sys
+from math import isfinite, isnan
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -92,7 +93,11 @@ def _as_json(found: Grade) -> dict[str, object]:
         "wanted": found.wanted,
         "sent": found.sent,
         "differences": {
-            each.quantity.name: {"worst": each.worst, "at": each.seconds, "fine": each.fine}
+            each.quantity.name: {
+                "worst": each.worst if isfinite(each.worst) else None,  # JSON knows no others
+                "at": each.seconds,
+                "fine": each.fine,
+            }
             for each in found.differences
         },
         "raised": found.raised,
@@ -104,6 +109,10 @@ def _as_text(found: Grade) -> str:
     lines = [f"sent {found.sent} of {found.wanted} samples"]
     for each in found.differences if found.sent else ():
         quantity = each.quantity
+        if not isfinite(each.worst):
+            what = f"is no number at {each.seconds:.2f} s" if isnan(each.worst) else "has no sample"
+            lines.append(f"{quantity.name:4} {what}: wrong")
+            continue
         verdict = "right" if each.fine else f"wrong, most at {each.seconds:.2f} s"
         lines.append(
             f"{quantity.name:4} off by at most {each.worst:.3g} {quantity.unit} "

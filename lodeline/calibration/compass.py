@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 _Nine = tuple[float, float, float, float, float, float, float, float, float]
 
-LEAST_CHANGE = 0.1  # of readings, relative to their mean
+LEAST_CHANGE = 0.1  # of readings, relative to their mean, and
+LEAST_FIELD = 5e-6  # [T]: beside a strong magnet a whole turn changes them by little of their mean
 LEAST_COVERAGE = 5.0 / 3.0 * pi  # [rad] 300 degrees
 LEAST_SPREAD = 0.08  # smallest share of directions along any axis; a full sphere has 1/3
 MOST_OUTLIERS = 0.1
@@ -137,7 +138,8 @@ def _turned(readings: Sequence[Vector], fewest: int) -> "NDArray[Any]":
 
     points = checked(readings, fewest, "magnetometer")
     low, high = np.percentile(points, (2.5, 97.5), axis=0)
-    if (high - low).max() < LEAST_CHANGE * np.linalg.norm(points.mean(axis=0)):
+    change = (high - low).max()
+    if change < min(LEAST_FIELD, LEAST_CHANGE * np.linalg.norm(points.mean(axis=0))):
         raise CalibrationRefusedError("the readings do not change enough: turn the robot")
     return points
 

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import inf, isfinite, isnan
+from math import inf, isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,10 @@ Sent = dict[tuple[int, int, int], Message]
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The worst of one quantity: how far off, and when [s since the start]."""
+    """The worst of one quantity: how far off, and when [s since the start].
+
+    NaN: it is no number then. Infinite: no sample has a stamp that was asked for.
+    """
 
     quantity: Quantity
     worst: float
@@ -165,10 +168,13 @@ def _differences(exercise: Exercise, answer: Sent, right: Sent) -> tuple[Differe
     for quantity in exercise.quantities:
         both = answer.keys() & right.keys()
         worst, when = 0.0 if both else inf, 0.0
-        for place in both:
+        for place in sorted(both):
             off = quantity.of(answer[place]) - quantity.of(right[place])
             off = abs(wrap_angle(off) if quantity.angle and isfinite(off) else off)
-            if off > worst or isnan(off):  # not a number is as far off as can be
-                worst, when = (inf if isnan(off) else off), place[1] * 1e-9
+            if not off <= worst:
+                worst, when = off, place[1] * 1e-9
+            if not isfinite(off):  # as far off as can be
+                worst = nan
+                break
         found.append(Difference(quantity, worst, when))
     return tuple(found)

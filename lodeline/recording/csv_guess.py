@@ -56,9 +56,10 @@ def _time(columns: Sequence[str], first: Sequence[str]) -> str:
     small = {column.lower(): column for column in columns}
     for name in small:
         found = _SECONDS.fullmatch(name)
-        for word in ("nanosec", "nanosecs", "nsec", "nsecs") if found else ():
-            rest = small.get(f"{found['stem']}{word}") if found else None
-            if rest:
+        if found is None:
+            continue
+        for word in ("nanosec", "nanosecs", "nsec", "nsecs"):
+            if rest := small.get(f"{found['stem']}{word}"):
                 return f"time: {_word(f'{small[name]} + {rest}', 'ns')}"
     # that of the header is when it was measured, others when it was written down
     for column in sorted(columns, key=lambda each: "header" not in each):

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from lodeline.memory import resident
 from lodeline.supervisor.backoff import Backoff
 from lodeline.supervisor.groups import Groups
 from lodeline.supervisor.logs import Console
@@ -24,7 +25,7 @@ from lodeline.supervisor.notify import NotifySocket
 from lodeline.supervisor.plan import Plan, Timing
 from lodeline.supervisor.process import Process
 from lodeline.supervisor.schedule import grant
-from lodeline.supervisor.usage import Usage, resident
+from lodeline.supervisor.usage import Usage
 
 State = Literal[
     "starting", "ready", "running", "hung", "waiting", "done", "failed", "stopping", "stopped"

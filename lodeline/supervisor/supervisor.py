@@ -114,7 +114,10 @@ class Supervisor:
         if not children or self._loop is None or self._loop.is_closed():
             return "is not running"
         self._loop.call_soon_threadsafe(lambda: answer.set_result(children[0].restart()))
-        return answer.result(ANSWER_S)
+        try:
+            return answer.result(ANSWER_S)
+        except TimeoutError:
+            return f"was asked for, but the supervisor has been busy for {ANSWER_S:g} s"
 
     def tell_all(self, order: str) -> None:
         """A line for every process; may be called from any thread once `run` has begun."""

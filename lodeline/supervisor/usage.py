@@ -10,14 +10,6 @@ _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 
 
-def resident(pid: int) -> int:
-    """Bytes of memory of a process, 0 if there is none."""
-    try:
-        return int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1]) * _PAGE
-    except OSError:
-        return 0
-
-
 @dataclass(slots=True)
 class Usage:
     """`cpu` is a part of one core between the last two samples, `rss` bytes of memory."""

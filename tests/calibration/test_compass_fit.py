@@ -125,6 +125,15 @@ def test_noise_is_not_taken_for_misfit() -> None:
     assert fit.misfit < 0.02
 
 
+def test_a_magnet_much_stronger_than_the_field_is_taken_out_all_the_same() -> None:
+    """900 uT beside a field whose turn changes the readings by 46: heading to a degree."""
+    strong = [(x + 900.0 * MICRO, y, z) for x, y, z in flat_turn(4)]
+    fit = fit_ellipse(strong)
+    assert fit.offset[0] == pytest.approx(HARD[0] + 900.0 * MICRO, abs=MICRO)
+    x, y, z = fit.offset
+    assert heading_error(replace(fit, offset=(x - 900.0 * MICRO, y, z))) < 1.0
+
+
 def test_many_stray_readings_are_refused() -> None:
     with pytest.raises(CalibrationRefusedError, match="fit no ellipse: something magnetic moved"):
         fit_ellipse(flat_turn(1, spikes=70))

@@ -18,8 +18,8 @@ import msgpack
 import pytest
 
 from lodeline.dash.gateway import Gateway
+from lodeline.memory import resident
 from lodeline.sessions import Client
-from lodeline.supervisor.usage import resident
 from lodeline.watch import Watch
 from lodeline_msgs import NodeStatus, Twist, WheelTicks, encoding_of, pack, unpack
 from tests.dash.support import Reader, connecting

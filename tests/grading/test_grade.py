@@ -149,6 +149,18 @@ def test_what_raises_is_no_number_or_sends_nothing_does_not_pass(
     assert not any(difference.fine for difference in found.differences) or found.sent
 
 
+def test_what_is_no_number_is_told_as_such(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blank = EXERCISES["odometry"].blank()
+    file = write(tmp_path, blank.replace("return 0.0, 0.0, 0.0", "return float('nan'), 0.0, 0.0"))
+    assert cli.main(["grade", "odometry", str(file)]) == 1
+    assert re.search(r"^x +is no number at 0\.\d+ s: wrong$", capsys.readouterr().out, re.M)
+    assert cli.main(["grade", "odometry", str(file), "--json"]) == 1
+    told = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert told["differences"]["x"]["worst"] is None
+
+
 @pytest.mark.parametrize(
     ("text", "why"),
     [
