@@ -7,6 +7,7 @@ link is slow, and of each key in turn, because what is old is soon kept no more.
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from collections import Counter, deque
@@ -112,7 +113,13 @@ class Gaps(threading.Thread):
                 if self._over:
                     return
                 gap = self._open[0]
-            more = self._fill(gap)
+            try:
+                more = self._fill(gap)
+            except Exception as error:  # the others may still be had
+                print(f"GAP {gap.key}: {error!r}", file=sys.stderr, flush=True)
+                with self._changed:
+                    self._gone[gap.key] += gap.last + 1 - gap.first
+                more = False
             with self._changed:
                 self._open.popleft()
                 if more:

@@ -114,6 +114,22 @@ def test_a_sender_that_never_answers_is_given_up(
     assert made.lost == {"imu/data": 6}
 
 
+def test_a_gap_over_which_asking_fails_leaves_the_next_one_to_be_filled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    link = Link([sample(seq) for seq in range(30)])
+    monkeypatch.setattr(link.recent, "answer", None)
+    made = record(tmp_path / "run.mcap", link, [sample(0), sample(5)])
+    assert made.gaps is not None
+    assert made.gaps.news() == ["LOST 4 of imu/data: not to be had from their senders"]
+    assert "GAP imu/data: TypeError" in capsys.readouterr().err
+    monkeypatch.undo()
+    made.take(KEY, pack(sample(8)), encoding_of(Imu))
+    made.gaps.settle(10.0)
+    made.close("interrupted")
+    assert made.lost == {"imu/data": 4}
+
+
 def test_a_sender_keeps_twenty_seconds_and_no_more_than_a_megabyte() -> None:
     small, large = Recent("me"), Recent("me")
     for seq in range(6000):
