@@ -55,6 +55,7 @@ class Distances:
     @property
     def found(self) -> list[Distance]:
         """All distances so far, in the order of their stamps."""
+        _ = self._history.newest  # what came after the last pose is observed when it is asked for
         return [
             Distance(stamp_ns, nearest, tuple(others))
             for stamp_ns, distances in sorted(self._found.items())

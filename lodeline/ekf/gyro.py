@@ -13,7 +13,7 @@ from lodeline.ekf.samples import Spin
 
 RATE_LIFE_NS = 50_000_000  # after it a reading of the gyro is no reading of the present
 SWING, SPIKE = 100.0, 0.5  # rad/s^2 and rad/s: no robot changes its turn faster than by this
-LONG = 60.0  # s: after it nobody knows the heading, and a sum keeps its digits
+LONG = 60.0  # s: after it nobody knows the heading, and sums keep their digits
 CAPACITY = 4096  # readings, against a flood
 SPARE = 64  # readings that may be kept in vain: so many are forgotten at once
 
@@ -30,6 +30,7 @@ class Reading(NamedTuple):
 
     `angle` [rad] is all turn before, `gone` [rad^2] what it may be wrong by as the rate was not
     looked at all the time. `spiked`: the rate is that of the reading before, this was not believed.
+    `lifts` counts the times that the robot was lifted, and `lift` is how it stands now.
     """
 
     stamp_ns: int
@@ -38,13 +39,15 @@ class Reading(NamedTuple):
     gone: float
     spiked: bool
     lift: Lift
+    lifts: int
 
 
 class Gyro:
     """Readings in the order of their stamps, taken in any.
 
     The rate is that of the last reading. Its `noise` [rad^2/s] is white; since then the true one
-    may have gone elsewhere, a random walk by `wander` [rad^2/s^3]: a gap is no turn.
+    may have gone elsewhere, a random walk by `wander` [rad^2/s^3]: a gap is no turn. What is asked
+    for a moment hangs on the readings before it, not on one of that very stamp.
     """
 
     def __init__(self, noise: float, wander: float) -> None:
@@ -56,7 +59,13 @@ class Gyro:
         self._stamps: list[int] = []
         self._spins: list[Spin] = []
         self._readings: list[Reading] = []
-        self._lift = lift
+        self._level = lift == LEVEL
+        self._start = Reading(0, 0.0, 0.0, 0.0, False, LEVEL if self._level else lift, 0)
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Stamp of the newest reading."""
+        return self._stamps[-1] if self._stamps else None
 
     def add(self, spin: Spin) -> bool:
         """Takes a reading; False if there is one of this stamp."""
@@ -82,8 +91,8 @@ class Gyro:
     def forget(self, before_ns: int) -> None:
         """Nobody will ask for a moment before this one."""
         stamps = self._stamps
-        if len(stamps) > SPARE and stamps[SPARE] <= before_ns:
-            self._forget(bisect_right(stamps, before_ns) - 1)
+        if len(stamps) > SPARE and stamps[SPARE] < before_ns:
+            self._forget(bisect_left(stamps, before_ns) - 1)
 
     def over(self, from_ns: int, to_ns: int) -> Turn | None:
         """The turn from one moment to another; None if nobody measured it at its begin."""
@@ -91,12 +100,13 @@ class Gyro:
         i = bisect_right(stamps, from_ns) - 1
         if i < 0 or from_ns - stamps[i] > RATE_LIFE_NS:
             return None
-        begin_ns, rate, angle, gone, _, _ = self._readings[i]
+        begin_ns, rate, angle, gone, _, _, _ = self._readings[i]
         age = 1e-9 * (from_ns - begin_ns)
         angle += rate * age
         gone += self._third * age * age * age
-        begin_ns, rate, end, more, _, _ = self._readings[bisect_right(stamps, to_ns, i) - 1]
+        begin_ns, rate, end, more, _, _, _ = self._readings[bisect_left(stamps, to_ns, i + 1) - 1]
         age = 1e-9 * (to_ns - begin_ns)
+        age = age if age < LONG else LONG
         more += self._third * age * age * age - gone
         variance = self._noise * 1e-9 * (to_ns - from_ns) + more
         return made(Turn, (end + rate * age - angle, variance if variance > 0.0 else 0.0))
@@ -106,28 +116,39 @@ class Gyro:
         i = bisect_right(self._stamps, from_ns)
         return self._stamps[i] if i < len(self._stamps) and self._stamps[i] < to_ns else None
 
-    def lift(self, at_ns: int) -> Lift:
-        """Whether the robot stood on the floor then."""
-        i = bisect_right(self._stamps, at_ns)
-        return self._readings[i - 1].lift if i else self._lift
+    def lifted(self, from_ns: int, to_ns: int) -> tuple[Lift, bool]:
+        """How the robot stands at the second moment, and whether it was lifted since the first."""
+        if self._level:  # as nearly always
+            return LEVEL, False
+        before, after = (self._before(each) for each in (from_ns, to_ns))
+        return after.lift, after.lifts > before.lifts
+
+    def _before(self, at_ns: int) -> Reading:
+        i = bisect_left(self._stamps, at_ns)
+        return self._readings[i - 1] if i else self._start
 
     def _after(self, last: Reading | None, spin: Spin) -> Reading:
         """With one reading more, which is believed unless it is a lone spike."""
         stamp_ns, rate, tilt = spin
+        _, _, _, _, _, stood, lifts = last or self._start
+        lift = stood.after(tilt, stamp_ns)
+        if lift is not LEVEL:
+            self._level = False
+            lifts += lift.lifted and not stood.lifted
         if last is None:
-            return Reading(stamp_ns, rate, 0.0, 0.0, False, self._lift.after(tilt, stamp_ns))
-        last_ns, before, angle, gone, spiked, lift = last
+            return Reading(stamp_ns, rate, 0.0, 0.0, False, lift, lifts)
+        last_ns, before, angle, gone, spiked, _, _ = last
         age_ns = stamp_ns - last_ns
-        age = 1e-9 * age_ns
-        off = abs(rate - before)
+        age, off = 1e-9 * age_ns, abs(rate - before)
         is_spike = off > SPIKE and not spiked and age_ns <= RATE_LIFE_NS and off > SWING * age
-        angle += before * age
         age = age if age < LONG else LONG
+        angle += before * age
         gone += self._third * age * age * age
         rate = before if is_spike else rate
-        return made(Reading, (stamp_ns, rate, angle, gone, is_spike, lift.after(tilt, stamp_ns)))
+        return made(Reading, (stamp_ns, rate, angle, gone, is_spike, lift, lifts))
 
     def _forget(self, count: int) -> None:
         """Forgets the oldest."""
-        self._lift = self._readings[count - 1].lift
+        self._start = self._readings[count - 1]
         del self._stamps[:count], self._spins[:count], self._readings[:count]
+        self._level = all(each.lift is LEVEL for each in (self._start, *self._readings))

@@ -84,6 +84,15 @@ class LearningTracker(Tracker):
         known = learned.start(*self._params.wheel_sigma, self._params.gyro_bias_sigma)
         return super().start()._replace(learned=known)
 
+    def advance(
+        self, track: Track, before: Motion, after: Motion, from_ns: int, to_ns: int
+    ) -> Track:
+        """After a part of a motion; a robot that was lifted meanwhile may be anywhere."""
+        there, known = super().advance(track, before, after, from_ns, to_ns), track.learned
+        if known is None or there.trust.alarms == track.trust.alarms:
+            return there
+        return there._replace(learned=known.alone())
+
     def lost(self, track: Track) -> Track:
         """After a moment at which nobody knows where the robot went."""
         there = super().lost(track)

@@ -8,6 +8,7 @@ from lodeline.ekf.history import History, Mark, Verdict
 from lodeline.ekf.learning import LearningTracker
 from lodeline.ekf.params import LocalizerParams
 from lodeline.ekf.samples import Fix, Heading, Hits, Landmarks, Motion, Sighting, Spin
+from lodeline.ekf.setback import Setback
 from lodeline.ekf.state import LocalizerState, Unused
 from lodeline.ekf.track import Track
 from lodeline.ekf.tracker import Tracker
@@ -34,7 +35,8 @@ class Localizer:
             self._span_ns, Mark(0, None, tracker.start()), tracker.advance, tracker.observe
         )
         self.late = self.duplicates = self.refused = 0
-        self._behind_since_ns: int | None = None
+        # One stamp far ahead, or a source that starts its clock again, shuts nobody out for ever.
+        self._odometry_clock, self._gyro_clock = Setback(self._span_ns), Setback(self._span_ns)
 
     def odometry(
         self,
@@ -66,12 +68,12 @@ class Localizer:
             return None
         motion = made(Motion, (stamp_ns, x, y, yaw, twist_covariance, interval, resets))
         verdict = self._history.add(motion)
-        if verdict == "late" and self._clock_went_back(stamp_ns):
+        if verdict == "late" and self._odometry_clock.old(stamp_ns):
             track = self._tracker.lost(self._history.newest.belief)
             self._restart(Mark(stamp_ns, motion, track))
             verdict = "used"
         if verdict != "late":
-            self._behind_since_ns = None
+            self._odometry_clock.fresh()
             self._gyro.forget(self._history.oldest_ns)
         return self._answer(verdict)
 
@@ -140,7 +142,7 @@ class Localizer:
         ):
             self.refused += 1
             return
-        if not self._history.reaches(stamp_ns):
+        if self._is_late(stamp_ns):
             self.late += 1
             return
         rate = height(orientation, angular_velocity)
@@ -150,7 +152,7 @@ class Localizer:
             return
         self._history.touch(stamp_ns)
         if self._has_compass and not disturbed and math.isfinite(heading_std):
-            self._history.add(Heading(stamp_ns, yaw_of(orientation), heading_std))
+            self._count(self._history.add(Heading(stamp_ns, yaw_of(orientation), heading_std)))
 
     @property
     def estimate(self) -> Estimate | None:
@@ -188,16 +190,18 @@ class Localizer:
         self._history.restart(start)
         self._gyro.restart(start.belief.lift)
 
-    def _clock_went_back(self, stamp_ns: int) -> bool:
-        """True when odometry has come too late, and nothing else, for as long as the history.
-
-        One stamp far ahead, or a source that starts its clock again, must not shut it out for ever.
-        """
-        since = self._behind_since_ns
-        if since is None or stamp_ns < since:
-            self._behind_since_ns = stamp_ns
+    def _is_late(self, stamp_ns: int) -> bool:
+        """True for a reading of the gyro that is too old, unless its clock was set back."""
+        if not self._history.reaches(stamp_ns):
+            return True
+        newest_ns = self._gyro.newest_ns
+        if newest_ns is None or stamp_ns >= newest_ns - self._span_ns:
+            self._gyro_clock.fresh()
             return False
-        return stamp_ns - since > self._span_ns
+        if self._gyro_clock.old(stamp_ns):
+            self._gyro.restart()
+            return False
+        return True
 
     def _answer(self, verdict: Verdict) -> Estimate | None:
         if verdict == "used":

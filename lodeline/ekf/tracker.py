@@ -14,6 +14,7 @@ from lodeline.ekf.samples import Fix, Heading, Hits, Measurement, Motion
 from lodeline.ekf.track import Track
 from lodeline.magnets.lattice import Lattice
 
+LONGEST_NS = 50_000_000  # of one step: in so little time no turn bends a way that one can measure
 MOVED_SIGMA = (1.0, 1.0)  # m, rad: what is told of a robot that was moved by someone else
 
 
@@ -43,19 +44,23 @@ class Tracker:
     def advance(
         self, track: Track, before: Motion, after: Motion, from_ns: int, to_ns: int
     ) -> Track:
-        """After a part of a motion: see `Mover.advance`."""
-        gyro, advance = self.gyro, self._mover.advance
-        turn = gyro.over(from_ns, to_ns)
-        if turn is None and (seam_ns := gyro.seam(from_ns, to_ns)) is not None:
-            track = advance(track, before, after, from_ns, seam_ns, None)
-            from_ns, turn = seam_ns, gyro.over(seam_ns, to_ns)
-        track = advance(track, before, after, from_ns, to_ns, turn)
-        lift = gyro.lift(to_ns)
+        """After a part of a motion: see `Mover.advance`.
+
+        A long one is taken in pieces, for the way bends as the gyro saw it.
+        """
+        turn, cut_ns = self.gyro.over(from_ns, to_ns), None
+        if turn is None:
+            cut_ns = self.gyro.seam(from_ns, to_ns)
+        elif to_ns - from_ns > LONGEST_NS:
+            cut_ns = (from_ns + to_ns) // 2
+        if cut_ns is not None:
+            track = self.advance(track, before, after, from_ns, cut_ns)
+            return self.advance(track, before, after, cut_ns, to_ns)
+        track = self._mover.advance(track, before, after, from_ns, to_ns, turn)
+        lift, was_lifted = self.gyro.lifted(from_ns, to_ns)
         if lift is not track.lift:
-            was_lifted, track = track.lift.lifted, track._replace(lift=lift)
-            if lift.lifted and not was_lifted:
-                track = track.alarmed(*self._params.widen_sigma)
-        return self.marked(track)
+            track = track._replace(lift=lift)
+        return self.marked(track.alarmed(*self._params.widen_sigma) if was_lifted else track)
 
     def lost(self, track: Track) -> Track:
         """After a moment at which nobody knows where the robot went."""

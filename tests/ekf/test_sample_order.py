@@ -14,6 +14,7 @@ from lodeline.bench.scenes.rides import SIGMA, wheels_with
 from lodeline.ekf import Estimate, Localizer, LocalizerParams
 from lodeline.ekf.motion import relative
 from lodeline.odometry import Odometry
+from lodeline.rotation import from_euler
 
 MS = 1_000_000
 COVARIANCE = (1e-4, 2e-5, 2e-5, 4e-3)
@@ -51,6 +52,11 @@ def feed(localizer: Localizer, sample: Sample) -> bool:
     if kind == "odometry":
         x, y, yaw, resets = values
         return localizer.odometry(stamp, x, y, yaw, COVARIANCE, 0.03, int(resets)) is not None
+    if kind == "attitude":
+        tilt, yaw, rate = values
+        orientation = from_euler(tilt, 0.0, yaw)
+        localizer.attitude(stamp, orientation, (0.0, 0.0, rate), 0.1, disturbed=False)
+        return False
     return localizer.magnets(stamp, values) is not None
 
 
@@ -99,6 +105,35 @@ def test_any_order_gives_the_same_hypotheses_too(rng: Random, reset: bool) -> No
     """A robot put down with much doubt, or one whose encoders begin anew half-way."""
     sigma = (0.005, 0.05) if reset else (0.02, 0.1)
     check_any_order(rng, LocalizerParams(initial_sigma=sigma), 7 if reset else -1)
+
+
+def spins(rng: Random) -> list[Sample]:
+    """A gyro that now and then spikes or is silent, of a robot that is lifted now and then."""
+    samples, tilt, at = list[Sample](), 0.0, 1_000 * MS
+    while at < 1_900 * MS:
+        tilt = rng.choice([0.0, 0.5]) if rng.random() < 0.03 else tilt
+        rate = rng.uniform(-1.0, 1.0) if rng.random() > 0.1 else rng.uniform(-10.0, 10.0)
+        samples.append(("attitude", at, (tilt, rng.uniform(-0.2, 0.2), rate)))
+        at += rng.choice([5, 5, 5, 5, 5, 8, 20, 70]) * MS
+    return samples
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000_000), st.booleans(), st.booleans())
+def test_any_order_gives_the_same_with_gyro_and_compass(
+    seed: int, compass: bool, learns: bool
+) -> None:
+    rng = Random(seed)
+    params = LocalizerParams(
+        heading="on" if compass else "off",
+        heading_interval=0.1,
+        wheel_sigma=(0.01, 0.01) if learns else (0.0, 0.0),
+    )
+    samples = once_each(drive(rng, 15) + spins(rng))
+    order = {"odometry": 0, "magnets": 1, "attitude": 2}
+    in_order = fed(sorted(samples, key=lambda each: (each[1], order[each[0]])), params)
+    rng.shuffle(samples)
+    assert numbers(fed(samples, params)) == pytest.approx(numbers(in_order), abs=1e-12)
 
 
 def test_readings_400_ms_late_on_a_long_drive_are_fused_as_if_fresh() -> None:
