@@ -202,9 +202,9 @@ PATHS: dict[str, tuple[Callable[[], Callable[[int], object]], int]] = {
     "attitude": (attitude, 1730),
     "odometry": (wheels, 770),
     "ekf": (lambda: ekf(gyro=False), 2840),
-    "ekf with gyro": (lambda: ekf(gyro=True), 4290),
-    "ekf without wheels": (ekf_without_wheels, 380),
-    "ekf with late gyro": (ekf_with_late_gyro, 3720),
+    "ekf with gyro": (lambda: ekf(gyro=True), 4430),
+    "ekf without wheels": (ekf_without_wheels, 440),
+    "ekf with late gyro": (ekf_with_late_gyro, 3860),
     "a sample of a replay": (replayed, 640),
     "a sample out of a recording": (recorded, 600),
 }
