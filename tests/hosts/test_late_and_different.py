@@ -28,6 +28,8 @@ def joined() -> Iterator[tuple[Host, Host]]:
             assert eventually(lambda: robot.received("smoother", "wheels") > 50, 10.0, 0.2)
             with Host(net.laptop, file, "laptop") as laptop:
                 assert eventually(lambda: laptop.linked("robot"), 10.0, 0.1)
+                # Its own node has just begun: what it says first comes within a second or two.
+                assert eventually(lambda: laptop.received("watcher", "speed") > 0, 10.0, 0.1)
                 yield robot, laptop
 
 
