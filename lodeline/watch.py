@@ -27,6 +27,14 @@ LOOK_S = 1.0
 """How often a tool that waits looks whether the pipeline still runs."""
 
 
+def parted(status: NodeStatus) -> tuple[dict[str, int], dict[str, int]]:
+    """What a node counts as refused: ticks that a driver missed or was late for, which are no
+    samples, and samples, both by cause.
+    """
+    refused = dict(status.rejected)
+    return {cause: refused.pop(cause, 0) for cause in ("missed tick", "late tick")}, refused
+
+
 class NothingThereError(Exception):
     """Nothing runs, or runs no more, or no such key: exit code 4."""
 

@@ -92,6 +92,8 @@ class Gateway:
 
     def _begin_run(self, viewer: Viewer, batches: list[str]) -> None:
         run = self._link.run
+        if run is None and not self._link.known:
+            return  # it will be known in a moment
         scene = {"t": "gone", "name": self._link.name} if run is None else run.scene
         viewer.begin_run(json.dumps(scene), None if run is None else run.tail, batches)
 
@@ -102,6 +104,8 @@ class Gateway:
             due = max(due + 1.0 / RATE_HZ, time.monotonic())
             await asyncio.sleep(due - time.monotonic())
             now = time.monotonic()
+            if self._link.failed is not None:
+                raise RuntimeError("the line to the pipeline ended") from self._link.failed
             if self._driver is not None and now - self._driven > HELD_S:
                 self._release()
             for viewer in [viewer for viewer in self._viewers if viewer.overdue()]:
@@ -187,7 +191,8 @@ class Gateway:
         if forward is None or left is None:
             return False
         if self._driver not in (None, viewer):
-            viewer.post(_note("refused: another page is driving"))
+            if said.get("done") is not True:
+                viewer.post(json.dumps({"t": "refused", "text": "another page is driving"}))
             return True
         if self._driver is None and (run := self._link.run) and run.unheard:
             viewer.post(_note(run.unheard))

@@ -69,7 +69,7 @@ class Run:
     def _on_calibrating(self, _key: str, data: bytes, _encoding: str) -> None:
         try:
             said = json.loads(data)
-        except ValueError:
+        except (ValueError, RecursionError):
             return
         if isinstance(said, dict) and len(data) <= MAX_CALIBRATING:
             self._calibrating = json.dumps(said | {"t": "calibrate"})
@@ -82,7 +82,7 @@ class Run:
     def ask_supervisors(self) -> None:
         """Let them tell of their processes and, once, what was logged; waits a second at most."""
         answers = self._client.ask(f"{self.manifest.name}/@ps/*", ASK_S)
-        self._processes = [item for _, data in answers for item in json.loads(data)["processes"]]
+        self._processes = [item for _, data in answers for item in _processes(data)]
         if not self._kept_asked:
             self._kept_asked = True
             self.tail.begin(self._client.ask(f"{self.manifest.name}/@log/*", ASK_S))
@@ -119,15 +119,28 @@ class Run:
         self._client.close()
 
 
+def _processes(data: bytes) -> list[dict[str, Any]]:
+    """What a supervisor told of its processes; nothing if it is of another version, or none."""
+    try:
+        told = json.loads(data)["processes"]
+        return [item for item in told if isinstance(item["nodes"], list) and "state" in item]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return []
+
+
 class Link:
     """Follows the pipeline of a name in a thread of its own; `run` is None while it is away.
 
-    `changed()` is called from that thread whenever `run` became another one.
+    `known` says that it was looked for since somebody wants to know. `changed()` is called from
+    that thread whenever `run` became another one, or is known to be none; `failed` is what ended
+    the thread.
     """
 
     def __init__(self, name: str, changed: Callable[[], None]) -> None:
         self.name = name
         self.run: Run | None = None
+        self.known = False
+        self.failed: BaseException | None = None
         self._changed = changed
         self._over = False
         self._wake = threading.Event()
@@ -149,15 +162,27 @@ class Link:
         rested = time.monotonic() - self._looked >= REST_S
         self._looked = time.monotonic()
         if rested:
+            self.known = False
             self._wake.set()
 
     def _follow(self) -> None:
+        try:
+            self._keep_up()
+        except BaseException as error:
+            self.failed = error
+            raise
+
+    def _keep_up(self) -> None:
         asked = 0.0
         while not self._over:
             self._wake.clear()
             wanted = time.monotonic() - self._looked < REST_S
             found = running(self.name) if wanted else []
             self._meet(found[0] if found else None)
+            if wanted and not self.known:
+                self.known = True
+                if self.run is None:
+                    self._changed()
             if self.run is not None and time.monotonic() - asked >= ASK_S:
                 asked = time.monotonic()
                 self.run.ask_supervisors()

@@ -11,7 +11,7 @@ from lodeline.keys import is_truth
 from lodeline.pipeline.model import Pipeline
 from lodeline.recording.localizer import params_of
 from lodeline.run_folder import Manifest
-from lodeline.watch import SILENT_S
+from lodeline.watch import SILENT_S, parted
 from lodeline_msgs import NodeStatus, Twist
 
 
@@ -115,6 +115,7 @@ def status_of(status: NodeStatus, prefix: str, age: float) -> dict[str, Any]:
     Of one that is silent, what it has counted stays; that it sends nothing is all that is known.
     """
     silent = age > SILENT_S
+    ticks, refused = parted(status)
 
     def short(counters: Mapping[str, Any]) -> dict[str, Any]:
         return {key.removeprefix(prefix): brief(value) for key, value in counters.items()}
@@ -129,7 +130,8 @@ def status_of(status: NodeStatus, prefix: str, age: float) -> dict[str, Any]:
         "received": short(status.received),
         "lost": short(status.lost),
         "late": short(status.late),
-        "rejected": dict(status.rejected),
+        "rejected": refused,
+        "ticks": ticks,
         "restarts": status.restarts,
         "cpu": 0.0 if silent else brief(status.cpu),
         "rss": status.rss,

@@ -24,7 +24,7 @@ class Tail:
     def __init__(self) -> None:
         self._lines: deque[Line] = deque(maxlen=KEPT)
         self._count = 0
-        self._newest: dict[str, int] = {}
+        self._newest: dict[str, tuple[int, float]] = {}
         self._early: deque[tuple[str, bytes]] | None = deque(maxlen=64)
         self._lock = threading.Lock()
 
@@ -49,11 +49,12 @@ class Tail:
                 (int(line["n"]), (float(line["time"]), str(line["name"]), str(line["text"])))
                 for line in json.loads(data)
             ]
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             return  # of another version: the terminal still has them
         for number, (at, name, text) in batch:
-            if number > self._newest.get(key, -1):
-                self._newest[key] = number
+            newest, latest = self._newest.get(key, (-1, at))
+            if number > newest or at > latest:  # a supervisor that was started again counts anew
+                self._newest[key] = number, at
                 self._lines.append((at, name, text[:MAX_TEXT]))
                 self._count += 1
 

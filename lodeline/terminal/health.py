@@ -8,7 +8,7 @@ from typing import Any
 from lodeline.run_folder import Manifest
 from lodeline.tables import table
 from lodeline.terminal.traffic import milliseconds
-from lodeline.watch import SILENT_S
+from lodeline.watch import SILENT_S, parted
 from lodeline_msgs import NodeStatus
 
 Row = dict[str, Any]
@@ -59,10 +59,10 @@ def _losses(status: NodeStatus | None) -> dict[str, int | None]:
     """What a node did not use; ticks that a driver missed or was late for are no refusals."""
     if status is None:
         return dict.fromkeys(_COUNTERS)
-    rejected = dict(status.rejected)
+    ticks, rejected = parted(status)
     return {
-        "lost": sum(status.lost.values()) + rejected.pop("missed tick", 0),
-        "late": sum(status.late.values()) + rejected.pop("late tick", 0),
+        "lost": sum(status.lost.values()) + ticks["missed tick"],
+        "late": sum(status.late.values()) + ticks["late tick"],
         "rejected": sum(rejected.values()),
     }
 

@@ -109,10 +109,10 @@ class Chromium:
         self.call("Page.navigate", url=url)
         assert self.comes_true("document.readyState === 'complete'")
 
-    def key(self, name: str, down: bool) -> None:
-        """Press or let go a key."""
-        kind = "rawKeyDown" if down else "keyUp"
-        self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
+    def key(self, name: str, down: bool, *, control: bool = False) -> None:
+        """Press or let go a key, maybe with Control held."""
+        kind, modifiers = "rawKeyDown" if down else "keyUp", 2 if control else 0
+        self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, modifiers=modifiers)
 
     def close(self) -> None:
         # First it, then the line to it: a living one would let us wait for its farewell.

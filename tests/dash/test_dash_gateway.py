@@ -268,7 +268,7 @@ def test_two_pages_do_not_drive_at_once(up: Up, dash: Dash) -> None:
             await first.say(do="drive", forward=0.0, left=0.1)
             await asyncio.to_thread(ear.hears, "cmd_vel", lambda said: said.w > 0.0)
             await second.say(do="drive", forward=1.0, left=0.0)
-            return str((await second.hear("note"))["text"])
+            return str((await second.hear("refused"))["text"])
 
     assert "another page is driving" in asyncio.run(run())
     ear.close()

@@ -171,6 +171,7 @@ def test_pause_stands_still_and_scrubbing_goes_back(page: Chromium, up: Up) -> N
 
 def test_arrow_keys_drive_and_letting_go_stops(page: Chromium, up: Up) -> None:
     ear = Ear(up, "truth")
+    page.run("document.getElementById('map').focus()")
     page.key("ArrowUp", down=True)
     assert ear.hears("truth", lambda truth: truth.v > 0.17)
     page.key("ArrowUp", down=False)
@@ -184,6 +185,45 @@ def test_arrow_keys_drive_and_letting_go_stops(page: Chromium, up: Up) -> None:
     page.run("document.getElementById('drive-toggle').click()")
     assert ear.hears("truth", lambda truth: truth.v > 0.08, 20.0), "back on its course"
     ear.close()
+
+
+LETTING_GO = {
+    "with control held": "",
+    "when a tab has the focus": "document.querySelector('[role=tab]').focus()",
+    "when a node was opened": "document.querySelector('.node').dispatchEvent(new Event('click'))",
+}
+
+
+@pytest.mark.parametrize("how", LETTING_GO)
+def test_a_key_that_is_let_go_stops_the_robot_whatever_came_between(
+    how: str, page: Chromium, up: Up
+) -> None:
+    assert page.comes_true("document.querySelector('.node') !== null")
+    ear = Ear(up, "truth")
+    page.run("document.getElementById('map').focus()")
+    page.key("ArrowUp", down=True)
+    assert ear.hears("truth", lambda truth: truth.v > 0.17)
+    if LETTING_GO[how]:
+        page.run(LETTING_GO[how])
+    else:
+        page.key("Control", down=True, control=True)
+    page.key("ArrowUp", down=False, control=not LETTING_GO[how])
+    assert ear.hears("truth", lambda truth: abs(truth.v) < 0.01)
+    page.key("Control", down=False)
+    page.run("document.getElementById('detail').close()")
+    page.key("Escape", down=True)
+    page.key("Escape", down=False)
+    assert page.run("document.getElementById('drive-toggle').ariaPressed") == "false"
+    assert ear.hears("truth", lambda truth: truth.v > 0.08, 20.0), "back on its course"
+    ear.close()
+
+
+def test_an_arrow_key_that_scrolls_does_not_drive(page: Chromium) -> None:
+    for place in ("document.body", "document.getElementById('log')"):
+        page.run(f"{place}.focus()")
+        page.key("ArrowUp", down=True)
+        page.key("ArrowUp", down=False)
+        assert page.run("document.getElementById('drive-toggle').ariaPressed") == "false"
 
 
 def test_a_page_without_the_token_shows_no_wheel_and_no_restart(
@@ -444,6 +484,40 @@ def test_a_clock_that_is_set_back_leaves_no_frames_that_never_get_old(page: Chro
       return [store.frames[0].n, store.frames.length, store.statuses.length];
     })""")
     assert kept == [50, 50, 50]
+
+
+def test_hours_of_pause_keep_a_minute_before_it_and_the_last_one(page: Chromium) -> None:
+    kept = page.run("""import('/store.js').then(({Store}) => {
+      const store = new Store();
+      store.begin({keys: {}});
+      for (let at = 0; at < 8 * 3600; at += 1) {
+        if (at === 100) store.hold(0.001);
+        store.addFrame({n: at, at, keys: {}, hits: []});
+        store.addStatus({at, nodes: {}});
+      }
+      return [store.statuses.length, store.shownStatus.at, store.waiting.length];
+    })""")
+    assert kept[0] < 150 and kept[1] == 98 and kept[2] <= 61
+
+
+def test_who_paused_keeps_the_moment_over_a_line_that_was_lost(page: Chromium) -> None:
+    """Also where the gateway was started again, and numbers its frames anew."""
+    shown = page.run("""import('/store.js').then(({Store}) => {
+      const store = new Store();
+      const scene = {keys: {}, started: 1, digest: 'a'};
+      store.begin(scene);
+      for (let n = 0; n < 200; n += 1) store.addFrame({n, at: n / 20, keys: {}, hits: []});
+      store.hold(2);
+      const before = store.shown.at;
+      store.resume(scene);
+      for (let n = 0; n < 300; n += 1) store.addFrame({n, at: 5 + n / 20, keys: {}, hits: []});
+      const during = store.shown.at;
+      store.hold(0);
+      const times = store.frames.map(({at}) => at);
+      return [before, during, times.at(-1), times.every((at, i) => !i || at > times[i - 1])];
+    })""")
+    assert shown[0] == shown[1]
+    assert shown[2] == pytest.approx(5 + 299 / 20) and shown[3] is True
 
 
 BARE = f"""

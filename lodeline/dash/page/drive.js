@@ -3,6 +3,7 @@
 import { $, put } from "./dom.js";
 
 const PERIOD_MS = 100;
+const STOPS = ["Escape", " "];
 const KEYS = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };
 
 export class Drive {
@@ -56,15 +57,30 @@ export class Drive {
   }
 
   key(event, down) {
-    if (!(event.key in KEYS) || !this.allowed || event.ctrlKey || event.altKey || event.metaKey) return;
-    if (event.target.closest?.("input, [role=tab], dialog") || $("detail").open) return;
-    event.preventDefault();
-    if (event.repeat) return;
-    if (down) {
+    // Whatever has the focus by then, a key that is let go stops what it did.
+    if (!down && this.held.delete(event.key)) this.tell();
+    if (!down || !this.allowed) return;
+    if (this.on && STOPS.includes(event.key)) this.stop(event);
+    if (event.ctrlKey || event.altKey || event.metaKey) this.letGo();
+    else if (event.key in KEYS && this.takes(event.target)) {
+      event.preventDefault();
+      if (event.repeat) return;
       this.turn(true);
       this.held.add(event.key);
-    } else this.held.delete(event.key);
-    if (this.on) this.tell();
+      this.tell();
+    }
+  }
+
+  // Arrow keys scroll, and choose tabs: they begin to drive on the map alone.
+  takes(target) {
+    if ($("detail").open || target.closest?.("input, [role=tab], dialog")) return false;
+    return this.on || Boolean(target.closest?.("#map"));
+  }
+
+  stop(event) {
+    event.preventDefault();
+    event.stopImmediatePropagation(); // a space stops the robot, and not the picture as well
+    this.turn(false);
   }
 
   listenToStick(stick) {

@@ -22,6 +22,12 @@ export class Log {
     if (atEnd) this.toEnd();
   }
 
+  // A line that a gateway tells again, for the page was away from it, is no new one.
+  addOnce(at, who, text) {
+    const known = this.lines.some((line) => line.at === at && line.who === who && line.text === text);
+    if (!known) this.add(at, who, text);
+  }
+
   // The newest lines of one node.
   of(name, count) {
     return this.lines.filter(({ who }) => who === name).slice(-count);

@@ -28,7 +28,7 @@ const compass = new Compass($("compass"));
 const plots = new Plots($("plots"));
 const log = new Log($("log"));
 const detail = new Detail(log, (node) => line.send({ do: "restart", node }));
-const pick = (name) => detail.open(name, store);
+const pick = (name) => { drive.letGo(); detail.open(name, store); };
 const graph = new Graph($("graph"), pick);
 const table = new NodeTable($("nodes"), pick);
 const calibration = new Calibration();
@@ -50,8 +50,11 @@ const line = new Line({
     put($("access"), trusted ? "" : "read-only");
   },
   scene(said) {
-    store.begin(said);
-    log.add(Date.now() / 1e3, "page", `connected to ${said.name}, pipeline ${said.digest}`);
+    // Back on the line within one run, what somebody paused at stays.
+    const again = store.scene?.started === said.started && store.scene?.digest === said.digest;
+    if (again && store.held !== null) store.resume(said);
+    else store.begin(said);
+    if (!again) log.add(Date.now() / 1e3, "page", `connected to ${said.name}, pipeline ${said.digest}`);
     document.title = `${said.name} \u00b7 Lodeline`;
     put($("name"), said.name);
     put($("badge"), said.badge);
@@ -86,7 +89,7 @@ const line = new Line({
     showStatus();
   },
   log(said) {
-    for (const [at, who, text] of said.lines) log.add(at, who, text);
+    for (const [at, who, text] of said.lines) log.addOnce(at, who, text);
   },
   calibrate(said) {
     calibration.show(said);
@@ -94,9 +97,14 @@ const line = new Line({
   note(said) {
     note(said.text);
   },
-  closed() {
+  refused(said) {
+    note(said.text);
+    drive.turn(false);
+  },
+  closed(reason) {
     drive.allow(false);
-    setState("disconnected", "DISCONNECTED", "DISCONNECTED \u2013 the gateway does not answer. Trying again; if it was stopped: lodeline dash");
+    const why = reason || "the gateway does not answer. Trying again; if it was stopped: lodeline dash";
+    setState("disconnected", "DISCONNECTED", `DISCONNECTED \u2013 ${why}`);
   },
 });
 
@@ -136,20 +144,25 @@ function showView() {
   $("follow").setAttribute("aria-pressed", String(map.mode === "follow"));
 }
 
+const isStale = (sample) => store.held === null && sample?.age > STALE_S;
+const tiltOf = (frame) => (isStale(frame.attitude) ? undefined : frame.tilt);
+const yawOf = (frame) => frame.pose?.yaw ?? tiltOf(frame)?.yaw ?? frame.best?.yaw;
+
 function showPose(frame) {
-  const { best, pose, tilt, attitude } = frame;
+  const { best, pose, attitude } = frame;
+  const tilt = tiltOf(frame);
   put($("x"), fixed(best?.x, 4));
   put($("y"), fixed(best?.y, 4));
   put($("yaw"), best ? fixed(degrees(wrapped(best.yaw)), 1) : NONE);
   put($("bound"), frame.ellipse ? fixed(frame.ellipse.a * 1e3, 1) : NONE);
   put($("error"), frame.error === undefined ? NONE : fixed(frame.error * 1e3, 1));
   $("pose").dataset.seq = best?.seq ?? "";
-  const stale = store.held === null && best?.age > STALE_S;
+  const stale = isStale(best);
   const ambiguous = pose?.ambiguous ? "\u25b2 ambiguous" : "";
   put($("flag"), stale ? `\u25b2 no pose for ${fixed(best.age, 0)} s` : ambiguous);
   put($("roll"), tilt ? fixed(degrees(tilt.roll), 1) : NONE);
   put($("pitch"), tilt ? fixed(degrees(tilt.pitch), 1) : NONE);
-  const yaw = pose?.yaw ?? tilt?.yaw ?? best?.yaw;
+  const yaw = yawOf(frame);
   put($("heading"), yaw === undefined ? NONE : fixed((450 - degrees(wrapped(yaw))) % 360, 0));
   put($("heading-word"), attitude?.disturbed ? "\u25b2 disturbed" : "heading");
   $("heading-word").classList.toggle("flag", Boolean(attitude?.disturbed));
@@ -162,10 +175,13 @@ function showStatus() {
   if (detail.dialog.open) detail.draw(store);
   const status = store.shownStatus;
   const all = nodesOf(store.scene, status).map((name) => healthOf(name, store.scene, status));
-  const good = all.filter((health) => health.level === "good").length;
+  const count = (level) => all.filter((health) => health.level === level).length;
+  const words = [["good", "fine"], ["warn", "with a warning"], ["bad", "failing"]]
+    .map(([level, word]) => [count(level), word]).filter(([many]) => many).map(([many, word]) => `${many} ${word}`);
   const cpu = Object.values(status?.nodes ?? {}).reduce((total, said) => total + said.cpu, 0);
-  put($("summary"), `${good} of ${all.length} nodes running \u00b7 ${fixed(cpu * 100, 0)} % of a core`);
-  put($("uptime"), `up ${duration(Date.now() / 1e3 - store.scene.started)}`);
+  const live = document.documentElement.dataset.state === "live";
+  put($("summary"), live ? `${all.length} nodes: ${words.join(", ")} \u00b7 ${fixed(cpu * 100, 0)} % of a core` : "");
+  put($("uptime"), status ? `up ${duration(status.at - store.scene.started)}` : "");
 }
 
 function showHeld() {
@@ -195,8 +211,8 @@ function draw(time) {
   closeUp.draw(frame);
   if (frame) {
     showPose(frame);
-    horizon.draw(frame.tilt);
-    compass.draw(frame.pose?.yaw ?? frame.tilt?.yaw ?? frame.best?.yaw, frame.ellipse?.yaw ?? frame.attitude?.heading_std);
+    horizon.draw(tiltOf(frame));
+    compass.draw(yawOf(frame), frame.ellipse?.yaw ?? frame.attitude?.heading_std);
   }
   if (store.held !== null) showHeld();
   if (time - plotted >= PLOTS_MS) {

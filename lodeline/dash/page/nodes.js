@@ -49,8 +49,8 @@ export class NodeTable {
       said?.host ?? process?.host ?? "",
       rates.length ? `${rates.map(hz).join(", ")} Hz` : "",
       said && worst(said.age_p50) !== undefined ? `${ms(worst(said.age_p50))} / ${ms(worst(said.age_p99))} ms` : "",
-      said ? String(sum(said.lost)) : "",
-      said ? String(sum(said.late)) : "",
+      said ? String(sum(said.lost) + (said.ticks["missed tick"] ?? 0)) : "",
+      said ? String(sum(said.late) + (said.ticks["late tick"] ?? 0)) : "",
       said ? String(sum(said.rejected)) : "",
       said ? percent(said.cpu) : "",
       said ? `${fixed(said.rss / MB, 0)} MB` : "",
@@ -95,6 +95,8 @@ export class Detail {
 
   draw(store) {
     if (!store.scene || this.name === undefined) return;
+    const marked = getSelection();
+    if (!marked.isCollapsed && this.dialog.contains(marked.anchorNode)) return; // to be copied
     const health = healthOf(this.name, store.scene, store.shownStatus);
     put($("detail-name"), this.name);
     this.button.hidden = !this.trusted;
@@ -117,8 +119,10 @@ export class Detail {
     const parts = [facts];
     if (!said) return [...parts, ...this.words()];
     parts.push(...this.inputs(store, said), ...this.outputs(said));
-    const refused = Object.entries(said.rejected).filter(([, count]) => count > 0);
-    if (refused.length) parts.push(el("h3", {}, "Refused since it started"), lines(["Cause", "Count"], refused));
+    for (const [title, counts] of [["Refused", said.rejected], ["Ticks", said.ticks]]) {
+      const some = Object.entries(counts).filter(([, count]) => count > 0);
+      if (some.length) parts.push(el("h3", {}, `${title} since it started`), lines(["Cause", "Count"], some));
+    }
     return [...parts, ...this.words()];
   }
 

@@ -15,19 +15,19 @@ export class Line {
     const socket = new WebSocket(`ws://${location.host}/ws`);
     this.socket = socket;
     socket.onopen = () => {
-      this.tries = 0;
       socket.send(JSON.stringify({ do: "hello", token: this.token }));
       this.watch();
     };
     socket.onmessage = (event) => {
       const said = JSON.parse(event.data);
+      this.tries = 0; // not before: one that is turned away was let in first
       this.watch();
       if (said.t === "frame") this.send({ ack: said.n });
       this.handlers[said.t]?.(said);
     };
-    socket.onclose = () => {
+    socket.onclose = (event) => {
       clearTimeout(this.silence);
-      this.handlers.closed();
+      this.handlers.closed(event.reason);
       const wait = RETRY_MS[Math.min(this.tries, RETRY_MS.length - 1)];
       this.tries += 1;
       setTimeout(() => this.open(), wait);

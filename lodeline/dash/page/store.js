@@ -20,6 +20,13 @@ export class Store {
     this.roles = scene ? rolesOf(scene) : {};
   }
 
+  // The same run again, after the line was lost: it numbers its frames anew.
+  resume(scene) {
+    this.scene = scene;
+    this.waiting = [];
+    for (const frame of this.frames) frame.n = -1;
+  }
+
   addFrame(frame) {
     const frames = this.held === null ? this.frames : this.waiting;
     const last = frames.at(-1);
@@ -31,8 +38,10 @@ export class Store {
 
   addStatus(status) {
     this.statuses.push(status);
-    const oldest = (this.held ?? status.at) - PAST_S - 2;
-    while (this.statuses[0].at < oldest || this.statuses[0].at > status.at) this.statuses.shift();
+    const { held } = this;
+    // While the time stands still: what led to that moment, and the newest of what came since.
+    this.statuses = this.statuses.filter(({ at }) => at <= status.at && (
+      at >= status.at - PAST_S - 2 || (held !== null && at <= held + 1 && at >= held - PAST_S - 2)));
   }
 
   get newest() {
@@ -75,7 +84,9 @@ export class Store {
       return;
     }
     this.held = null;
-    for (const frame of this.waiting.splice(0)) this.addFrame(frame);
+    const came = this.waiting.splice(0);
+    if (came.length) this.frames = this.frames.filter(({ at }) => at < came[0].at);
+    for (const frame of came) this.addFrame(frame);
   }
 }
 
