@@ -53,13 +53,14 @@ def recover(source: Path, target: Path, *, replace: bool = False) -> Recovered:
         if stream.read(len(MAGIC)) != MAGIC:
             raise RecordingError(f"{source} is no MCAP recording")
         copy = _Copy(out)
-        # A closed file repeats its channels at the end: a damaged first chunk costs none.
-        for kept in (_NAMES, _KEPT):
+        # Names first: those in chunks, which have a checksum; then those that a closed file repeats
+        # at its end, so that a damaged first chunk costs none.
+        for kept, names_only in (({Opcode.CHUNK}, True), (_NAMES, True), (_KEPT, False)):
             stream.seek(len(MAGIC))
             found = Recovered()
             for opcode, raw in _whole_records(stream, found):
                 if opcode in kept:
-                    copy.take(raw, found)
+                    copy.take(raw, found, names_only=names_only)
         if found.messages == 0:
             raise RecordingError(f"{source}: not one whole message in it")
         copy.close()
@@ -93,7 +94,7 @@ class _Copy:
         self._schemas = {0: 0}
         self._channels: dict[int, int] = {}
 
-    def take(self, raw: bytes, found: Recovered) -> None:
+    def take(self, raw: bytes, found: Recovered, *, names_only: bool) -> None:
         """Copy one record; one that does not decode is noted and left out."""
         try:
             record = next(
@@ -101,7 +102,8 @@ class _Copy:
             )
             if isinstance(record, Chunk):
                 for part in breakup_chunk(record, validate_crc=True):
-                    self._put(part, found)
+                    if not (names_only and isinstance(part, Message)):
+                        self._put(part, found)
             elif record is not None:
                 self._put(record, found)
         except OSError:
