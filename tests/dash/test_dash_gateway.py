@@ -41,8 +41,15 @@ def in_process(up: Up, monkeypatch: pytest.MonkeyPatch, talk: Talk) -> Any:
 def test_frames_carry_what_zenoh_carried(up: Up, dash: Dash) -> None:
     ear = Ear(up, "pose", "odom", "attitude", "truth")
     assert all(ear.hears(key, lambda _: True) for key in ("pose", "odom", "attitude", "truth"))
-    frames = with_reader(dash.port, lambda reader: reader.frames(20))
-    compared = 0
+    keys = {"pose", "odom", "attitude", "truth"}
+
+    async def talk(reader: Reader) -> list[dict[str, Any]]:
+        while not keys <= (await reader.frames(1))[0]["keys"].keys():
+            pass
+        return await reader.frames(20)
+
+    frames = with_reader(dash.port, talk)
+    compared = turned = 0
     for frame in frames:
         for key in ("pose", "odom", "truth"):
             shown = frame["keys"][key]
@@ -56,11 +63,12 @@ def test_frames_carry_what_zenoh_carried(up: Up, dash: Dash) -> None:
             assert shown["stamp"] == pytest.approx(sent.stamp * 1e-9, abs=2e-6)
         attitude = ear.all("attitude").get(frame["keys"]["attitude"]["seq"])
         if attitude is not None:
+            turned += 1
             assert frame["keys"]["attitude"]["orientation"] == pytest.approx(
                 attitude.orientation, rel=1e-6, abs=1e-9
             )
     ear.close()
-    assert compared > 50
+    assert compared > 50 and turned > 15
 
 
 def test_a_quick_page_gets_twenty_frames_a_second_each_newer(dash: Dash) -> None:
@@ -89,7 +97,7 @@ def test_a_slow_page_skips_frames_and_what_it_gets_is_new(dash: Dash) -> None:
     late = numbers[AHEAD:]
     steps = [after - before for before, after in pairwise(late)]
     assert max(steps) >= 3
-    assert max(ages) < 3.0
+    assert sorted(ages)[len(ages) // 2] < 1.25  # four are on their way, 0.25 s each
 
 
 def test_a_page_that_confirms_nothing_gets_four_frames_and_is_let_go(
@@ -266,11 +274,15 @@ def test_two_pages_do_not_drive_at_once(up: Up, dash: Dash) -> None:
                 await reader.say(do="hello", token=dash.token)
                 await reader.hear("frame")
             await first.say(do="drive", forward=0.0, left=0.1)
-            await asyncio.to_thread(ear.hears, "cmd_vel", lambda said: said.w > 0.0)
+            assert await asyncio.to_thread(ear.hears, "cmd_vel", lambda said: said.w > 0.0)
             await second.say(do="drive", forward=1.0, left=0.0)
-            return str((await second.hear("refused"))["text"])
+            text = str((await second.hear("refused"))["text"])
+            # the first lets go, and the robot is stopped
+            assert await asyncio.to_thread(ear.hears, "cmd_vel", lambda said: said.w == 0.0)
+            return text
 
     assert "another page is driving" in asyncio.run(run())
+    assert all(said.v == 0.0 for said in ear.all("cmd_vel").values())
     ear.close()
 
 

@@ -93,6 +93,7 @@ def test_ten_minutes_forth_and_back_bend_no_stamp_and_make_no_sample_late(
         client.close()
     assert sum(status.late.values()) == 0
     assert not status.rejected
+    assert status.age_p99
     assert all(0.0 < age < 0.5 for age in status.age_p99.values())
     steps = [(b.stamp - a.stamp) / SECOND for a, b in pairwise(back)]
     assert min(steps) > 0.0

@@ -27,7 +27,8 @@ def test_a_promise_has_tests_that_exist_and_a_strength(row: list[str]) -> None:
     for file, name in named:
         tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
         names = {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
-        assert not name or name in names, f"{file} has no {name}"
+        is_test = name.startswith("test_") and name in names
+        assert not name or is_test, f"{file} has no {name}"
 
 
 def test_the_table_is_not_empty() -> None:

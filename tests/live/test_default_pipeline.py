@@ -159,10 +159,14 @@ def test_after_all_these_kills_the_pose_is_still_true_or_says_since_when_it_may_
     poses = listener.poses[-300:]
     odom = up.call("topic", "echo", "odom", "-n", "1", "--json", "--timeout", "10").stdout
     announced = json.loads(odom)["resets"] > 0 and all(pose.ambiguous for pose in poses)
-    assert announced or rms_error(poses, listener.truths) < 0.015
+    if announced:  # then the doubt is as large as the error
+        sigma = max(max(pose.covariance[0], pose.covariance[4]) for pose in poses) ** 0.5
+        assert rms_error(poses, listener.truths) < 3.0 * sigma + 0.015
+    else:
+        assert rms_error(poses, listener.truths) < 0.015
 
 
-def test_ctrl_c_stops_all_in_order_with_130() -> None:
+def test_ctrl_c_stops_all_with_130() -> None:
     with Up(ROOT / "pipeline.yaml") as up:
         marker = str(up.folder)
         assert len(living(marker)) >= len(NODES)

@@ -17,7 +17,7 @@ from lodeline.recording import RecordingError
 from lodeline.recording.magnet_lab import messages, read_rows
 from lodeline.recording.offline import Outcome, Replay
 from lodeline.recording.read import Recording
-from lodeline.recording.table import Tables
+from lodeline.recording.table import Tables, read_tables
 from lodeline.recording.write import RecordingWriter
 from lodeline_msgs import Message, PoseEstimate, ReedBar, WheelTicks, columns, pack, stamp_text
 from tests.recording.conftest import drive
@@ -244,6 +244,7 @@ def test_tables_hold_every_number_to_the_last_bit(
     poses = [message for key, message in sent if key == "pose"]
     assert header == columns(PoseEstimate)
     assert len(rows) == len(poses)
+    assert [message for key, message in read_tables(tmp_path / "out") if key == "pose"] == poses
     for cells, message in zip(rows, poses, strict=True):
         assert isinstance(message, PoseEstimate)
         cell = dict(zip(header, cells, strict=True))

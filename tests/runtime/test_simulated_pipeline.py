@@ -74,6 +74,12 @@ def test_errors_are_as_large_as_the_covariance_says(sent: dict[str, list[Message
         for m in poses
     )
     assert outside <= 0.01 * len(poses)
+    nees = sum(
+        (m.x - truth[m.stamp].x) ** 2 / m.covariance[0]
+        + (m.y - truth[m.stamp].y) ** 2 / m.covariance[4]
+        for m in poses
+    )
+    assert nees / len(poses) > 0.3, "2 for errors as large as said: it is not more unsure than that"
 
 
 def test_odometry_never_announces_a_jump(sent: dict[str, list[Message]]) -> None:

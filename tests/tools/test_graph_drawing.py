@@ -77,11 +77,13 @@ def test_svg_is_whole_and_its_boxes_do_not_overlap(pipeline: Pipeline) -> None:
     texts = {text.text for text in root.iter(f"{SVG}text")}
     for source, key, target in edges(pipeline):
         assert {source, key, target} <= texts
-    starts = [
-        tuple(map(float, re.findall(r"-?\d+", path.get("d", ""))[:2]))
+    wires = [
+        [float(number) for number in re.findall(r"-?\d+", path.get("d", ""))]
         for path in root.iter(f"{SVG}path")
     ]
-    assert all((x - BOX_WIDE, y - BOX_HIGH / 2) in boxes for x, y in starts)
+    assert len(wires) == len({(source, target) for source, _, target in edges(pipeline)})
+    assert all((x - BOX_WIDE, y - BOX_HIGH / 2) in boxes for x, y, *_ in wires)
+    assert all((x, y - BOX_HIGH / 2) in boxes for *_, x, y in wires)
 
 
 def test_graph_reads_a_file_that_does_not_run(tmp_path: Path) -> None:

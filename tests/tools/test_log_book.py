@@ -54,10 +54,15 @@ def test_lines_go_out_only_while_somebody_listens() -> None:
     assert eventually(lambda: [line["text"] for line in wire.sent] == ["just now"])
     book.add("ekf", "next")
     assert eventually(lambda: len(wire.sent) == 2)
+    wire.watched = False
+    book.add("ekf", "nobody hears this")
+    book.add("ekf", "nor that")
+    wire.listen()
     book.add("ekf", "last words")
     book.close()
-    assert [line["n"] for line in wire.sent] == [1, 2, 3]
-    assert threading.active_count() < 20
+    heard = [line["text"] for line in wire.sent]
+    assert heard[:2] == ["just now", "next"] and heard[-1] == "last words"
+    assert not any(thread.name == "log" for thread in threading.enumerate())
 
 
 class FakeWatch:
