@@ -292,7 +292,9 @@ def _lock(file: Path, what: str) -> int:
             if time.monotonic() > deadline:
                 holder = os.pread(lock, 80, 0).decode(errors="replace").strip()
                 os.close(lock)
-                raise AlreadyUpError(f"ALREADY_UP {what}: {holder}; stop it first") from None
+                raise AlreadyUpError(
+                    f"ALREADY_UP {what}: {holder}; stop it first, by Ctrl-C there"
+                ) from None
             time.sleep(0.01)
     os.ftruncate(lock, 0)
     os.pwrite(lock, f"pid {os.getpid()} since {time.strftime('%Y-%m-%d %H:%M:%S')}".encode(), 0)

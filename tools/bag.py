@@ -248,6 +248,8 @@ def _say_recorded(recorder: Recorder, end: str, failed: bool) -> int:
     count = recorder.filled.total()
     filled = f" ({count} on the way, had from their senders)" if count else ""
     print(f"{text}, {'lost ' + lost if lost else 'nothing lost'}{filled}")
+    if recorder.samples == 0:
+        print("no sample came: does anybody send? (`lodeline topic hz`)", file=sys.stderr)
     for key, why in recorder.refused.items():
         print(f"REFUSED {key}: {why}", file=sys.stderr)
     if recorder.sink.pending:

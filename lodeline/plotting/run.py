@@ -49,10 +49,14 @@ class Run:
                 self.source = recording.metadata.get("source", "")
         self.known = params is not None or noted is not None
         self.params = params or noted or LocalizerParams()
+        if not self.there:
+            raise NothingToPlotError(
+                f"{path} has not one sample in it: record anew while the pipeline sends some"
+            )
         if not self.samples:
             there = ", ".join(self.there)
             raise NothingToPlotError(
-                f"{path} has no estimate to plot, only {there or 'no keys at all'}: let "
+                f"{path} has no estimate to plot, only {there}: let "
                 f"`lodeline replay {path} --pipeline FILE -o OUT.mcap` make them"
             )
         self.start = min(samples[0].stamp for samples in self.samples.values())

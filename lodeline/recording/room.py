@@ -33,6 +33,8 @@ class Room:
         self.news = ""
         try:
             disk = os.statvfs(folder)
+        except FileNotFoundError:
+            raise RecordingError(f"{folder}: there is no such folder: make it first") from None
         except OSError as error:
             raise RecordingError(f"{folder}: cannot be written to: {error.strerror}") from None
         self._reserve = min(RESERVE, round(SHARE * disk.f_blocks * disk.f_frsize))

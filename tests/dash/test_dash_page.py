@@ -110,9 +110,25 @@ def test_map_and_plots_are_drawn(page: Chromium) -> None:
       }
       return seen.size;
     }"""
-    for place in ("#map", "#closeup", "#horizon", "#compass", "#plots canvas"):
+    for place in ("#map", "#closeup", "#horizon", "#compass"):
         assert page.comes_true(f"({ink})('{place}') > 5"), place
+    # Curves, below the heading that has their colours too: 20 points of each plot at least.
+    curves = """[...document.querySelectorAll('#plots canvas')].map((canvas) => {
+      const style = getComputedStyle(document.documentElement);
+      const names = ['ekf', 'odom', 'truth', 'hit', 'good', 'warn', 'bad'];
+      const wanted = new Set(names.map((name) => style.getPropertyValue(`--${name}`).trim()));
+      const top = Math.round(canvas.height / 4);
+      const { width, height } = canvas;
+      const data = canvas.getContext('2d').getImageData(0, top, width, height - top).data;
+      let count = 0;
+      for (let i = 0; i < data.length; i += 4) {
+        const hex = [0, 1, 2].map((k) => data[i + k].toString(16).padStart(2, '0')).join('');
+        if (data[i + 3] === 255 && wanted.has(`#${hex}`)) count += 1;
+      }
+      return count;
+    })"""
     assert page.run("document.querySelectorAll('#plots canvas').length") == 8
+    assert page.comes_true(f"{curves}.every((count) => count > 20)"), page.run(curves)
 
 
 @pytest.mark.parametrize("size", [(1280, 720), (390, 844)])

@@ -87,7 +87,7 @@ def test_a_recording_that_exists_is_not_overwritten(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="No such file or directory"):
+    with pytest.raises(RecordingError, match="there is no such folder: make it first"):
         recorder(tmp_path / "nowhere" / "run.mcap")
 
 
