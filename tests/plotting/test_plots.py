@@ -15,7 +15,10 @@ import pytest
 from mcap.reader import make_reader
 
 from lodeline.cli import main
+from lodeline.ekf import LocalizerParams
 from lodeline.ekf.belief import Belief
+from lodeline.ekf.distances import Distances
+from lodeline.ekf.samples import Hits, Motion
 from lodeline.plotting.figure import Figure
 from lodeline.plotting.kinds import KINDS, figures
 from lodeline.plotting.magnets import distances
@@ -104,6 +107,14 @@ def test_the_distance_of_a_magnet_is_what_the_filter_found(loop: Path) -> None:
         assert each.nearest == pytest.approx(told[each.stamp_ns], rel=1e-6, abs=1e-9)
         assert len(each.neighbours) == 8
         assert min(each.neighbours) > each.nearest
+
+
+def test_a_magnet_that_was_met_after_the_last_pose_is_told_too() -> None:
+    told, covariance = Distances(LocalizerParams()), (1e-4, 0.0, 0.0, 1e-3)
+    for i in range(4):
+        told.take(Motion(i * 50_000_000, 0.004 * i, 0.0, 0.0, covariance, 0.05, 0))
+        told.take(Hits(i * 50_000_000, (0.0,) if i == 2 else ()))
+    assert [each.stamp_ns for each in told.found] == [100_000_000]
 
 
 def test_the_bands_are_those_of_the_tables_and_nees_is_its_definition() -> None:
