@@ -142,10 +142,13 @@ class Foxglove:
                 words: dict[str, Any] = json.loads(said)
                 if words["op"] == "advertise":
                     self._subscribe(words["channels"])
-            lacking = [t for t, count in enough.items() if len(self.got.get(t, ())) < count]
-            return not lacking and all(name in self.all("/scene") for name in scene)
+            return not lacking()
 
-        assert eventually(step, seconds, 0.0), {topic: len(got) for topic, got in self.got.items()}
+        def lacking() -> list[object]:
+            few = [t for t, count in enough.items() if len(self.got.get(t, ())) < count]
+            return [*few, *(name for name in scene if name not in self.all("/scene"))]
+
+        assert eventually(step, seconds, 0.0), f"lacking {lacking()}"
 
     def _subscribe(self, offered: list[dict[str, Any]]) -> None:
         self.channels |= {each["id"]: each for each in offered}
