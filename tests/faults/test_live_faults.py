@@ -98,9 +98,9 @@ class Rig:
         return self.watch.statuses(0.0)[node]
 
     def pids(self) -> dict[str, int]:
-        """Of all processes but those that are ended for what they do wrong, at their time."""
-        processes = self.up.ps().items()
-        return {name: process["pid"] for name, process in processes if name not in ENDED}
+        """Of all processes but those that end for what they do wrong, at their time."""
+        ended, processes = ENDED | {"unfounded"}, self.up.ps().items()
+        return {name: process["pid"] for name, process in processes if name not in ended}
 
     def publisher(self, key: str, message: type[Any]) -> Any:
         publisher = self.client.publisher(f"faulty/{key}", encoding_of(message))
