@@ -5,6 +5,7 @@ The file lies in the run folder, is replaced as a whole, and outlives the proces
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import zlib
 from collections.abc import Mapping
@@ -68,8 +69,9 @@ class Keepsake:
         try:
             self._node.resume(state)
         except Exception as error:  # `resume` is the user's: raised here, no start would succeed
-            self._node.close()
-            self._node.setup()  # it may have taken half of the state
+            with contextlib.suppress(Exception):  # which half of a state may trip up as well
+                self._node.close()
+            self._node.setup()
             self._tell_lost(error)
             return None
         return dict(marks)

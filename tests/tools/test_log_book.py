@@ -54,15 +54,22 @@ def test_lines_go_out_only_while_somebody_listens() -> None:
     assert eventually(lambda: [line["text"] for line in wire.sent] == ["just now"])
     book.add("ekf", "next")
     assert eventually(lambda: len(wire.sent) == 2)
-    wire.watched = False
-    book.add("ekf", "nobody hears this")
-    book.add("ekf", "nor that")
-    wire.listen()
     book.add("ekf", "last words")
     book.close()
-    heard = [line["text"] for line in wire.sent]
-    assert heard[:2] == ["just now", "next"] and heard[-1] == "last words"
+    assert [line["n"] for line in wire.sent] == [1, 2, 3]
     assert not any(thread.name == "log" for thread in threading.enumerate())
+
+
+def test_nothing_goes_out_when_the_last_listener_has_left() -> None:
+    book, wire = LogBook(), Wire()
+    book.publish(wire)
+    wire.listen()
+    book.add("imu", "heard")
+    assert eventually(lambda: len(wire.sent) == 1)
+    wire.watched = False
+    book.add("imu", "unheard")
+    book.close()
+    assert [line["text"] for line in wire.sent] == ["heard"]
 
 
 class FakeWatch:
